@@ -3,3 +3,5 @@
 pub mod architecture;
 pub mod engine;
 pub mod parameters;
+pub mod random;
+pub mod sampling;

@@ -1,0 +1,44 @@
+//! What an engine is told when it is made: how samples are placed along a ray, and where colour is decoded.
+
+use serde::{Deserialize, Serialize};
+
+/// How samples are placed along a ray.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Sampling {
+    /// The paper's way (section 4.3): `coarse` samples, one in each of as many equal stretches of the ray inside the
+    /// box; then `fine` more, drawn from the weights of the first. All of them are evaluated.
+    Stratified {
+        /// Samples of the first pass.
+        coarse: usize,
+        /// Samples drawn from the weights of the first pass.
+        fine: usize,
+    },
+    /// `samples` a ray, placed where the engine's own occupancy says that something is.
+    Guided {
+        /// Samples a ray.
+        samples: usize,
+    },
+}
+
+/// Where along a ray colour and visibility are decoded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Shading {
+    /// At every sample, as published: `C = sum_i w_i o_i c_i`.
+    PerSample,
+    /// Once a ray and light, from features averaged under the ray's weights: `h = sum_i w_i h(x_i)`,
+    /// `e = sum_i w_i e(x_i)` and the light's direction at `x = sum_i w_i x_i`. No gradient flows through that `x`.
+    Deferred,
+}
+
+/// Everything fixed about an engine beside its field.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct EngineConfig {
+    /// How samples are placed.
+    pub sampling: Sampling,
+    /// Where colour is decoded.
+    pub shading: Shading,
+    /// With the step's number, decides every random draw.
+    pub seed: u64,
+}
