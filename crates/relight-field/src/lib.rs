@@ -1,7 +1,11 @@
 //! The relightable radiance field, as the paper says it.
 
 pub mod architecture;
+pub mod compositing;
+pub mod encoding;
 pub mod engine;
+pub mod network;
 pub mod parameters;
 pub mod random;
+pub mod real;
 pub mod sampling;

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::architecture::Architecture;
 use crate::random::Random;
+use crate::real::Real;
 
 /// Most levels that a grid may have.
 const MAX_LEVELS: usize = 32;
@@ -110,20 +111,20 @@ impl GridConfig {
 
 /// One fully connected layer without bias.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Layer {
+pub struct Layer<R = f32> {
     /// Inputs.
     pub inputs: usize,
     /// Outputs.
     pub outputs: usize,
     /// Weights, row-major `[outputs, inputs]`.
-    pub weight: Vec<f32>,
+    pub weight: Vec<R>,
 }
 
 /// A multilayer perceptron: rectifiers between layers, none after the last.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Network {
+pub struct Network<R = f32> {
     /// The layers, first to last.
-    pub layers: Vec<Layer>,
+    pub layers: Vec<Layer<R>>,
 }
 
 /// Everything fixed about a field before it is trained.
@@ -160,33 +161,21 @@ impl FieldConfig {
         }
         Ok(())
     }
-
-    /// `(inputs, outputs)` of every layer of every network that the architecture has, each with its name: `geo`,
-    /// `rgb`, and `vis` where there is one.
-    pub fn network_shapes(&self) -> Vec<(&'static str, Vec<(usize, usize)>)> {
-        let features = self.grid.outputs();
-        let mut shapes = vec![
-            ("geo", self.architecture.geo_shape(features)),
-            ("rgb", self.architecture.rgb_shape(features)),
-        ];
-        shapes.extend(self.architecture.vis_shape(features).map(|shape| ("vis", shape)));
-        shapes
-    }
 }
 
-/// A field: its configuration and its weights.
+/// A field: its configuration and its weights, or gradients or moments of the same shapes.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Parameters {
+pub struct Parameters<R = f32> {
     /// What the weights are weights of.
     pub config: FieldConfig,
     /// The hash table, row-major `[entries, features]`, levels one after another.
-    pub table: Vec<f32>,
+    pub table: Vec<R>,
     /// Geometry network.
-    pub geo: Network,
+    pub geo: Network<R>,
     /// Colour network.
-    pub rgb: Network,
+    pub rgb: Network<R>,
     /// Visibility network, where the architecture has one.
-    pub vis: Option<Network>,
+    pub vis: Option<Network<R>>,
 }
 
 impl Network {
@@ -247,13 +236,6 @@ impl Parameters {
         })
     }
 
-    /// The networks with their names: `geo`, `rgb`, and `vis` where there is one.
-    pub fn networks(&self) -> Vec<(&'static str, &Network)> {
-        let mut networks = vec![("geo", &self.geo), ("rgb", &self.rgb)];
-        networks.extend(self.vis.as_ref().map(|vis| ("vis", vis)));
-        networks
-    }
-
     /// Checks that every array has the shape that the configuration asks for and that every number is finite.
     ///
     /// # Errors
@@ -268,17 +250,68 @@ impl Parameters {
             )));
         }
         check_finite("grid.table", &self.table)?;
-        let (networks, shapes) = (self.networks(), self.config.network_shapes());
-        if networks.len() != shapes.len() {
-            let (has, wants) = if self.vis.is_some() { ("a", "none") } else { ("no", "one") };
-            return Err(ParameterError::Shape(format!(
-                "there is {has} visibility network; the architecture has {wants}"
-            )));
+        let architecture = self.config.architecture;
+        let inputs = self.config.grid.outputs();
+        self.geo.validate("geo", &architecture.geo_shape(inputs))?;
+        self.rgb.validate("rgb", &architecture.rgb_shape(inputs))?;
+        match (&self.vis, architecture.vis_shape(inputs)) {
+            (Some(vis), Some(shape)) => vis.validate("vis", &shape),
+            (None, None) => Ok(()),
+            (has, _) => Err(ParameterError::Shape(format!(
+                "there is {} visibility network; the architecture {} has {}",
+                if has.is_some() { "a" } else { "no" },
+                architecture.name(),
+                if has.is_some() { "none" } else { "one" }
+            ))),
         }
-        networks
-            .into_iter()
-            .zip(shapes)
-            .try_for_each(|((name, network), (_, shape))| network.validate(name, &shape))
+    }
+}
+
+impl<R: Real> Network<R> {
+    /// The network with every weight mapped.
+    fn map<S>(&self, f: impl Fn(R) -> S) -> Network<S> {
+        let map = |layer: &Layer<R>| Layer {
+            inputs: layer.inputs,
+            outputs: layer.outputs,
+            weight: layer.weight.iter().map(|&w| f(w)).collect(),
+        };
+        Network { layers: self.layers.iter().map(map).collect() }
+    }
+}
+
+impl<R: Real> Parameters<R> {
+    /// Arrays of the same shapes with every number mapped.
+    pub fn map<S>(&self, f: impl Fn(R) -> S) -> Parameters<S> {
+        Parameters {
+            config: self.config.clone(),
+            table: self.table.iter().map(|&v| f(v)).collect(),
+            geo: self.geo.map(&f),
+            rgb: self.rgb.map(&f),
+            vis: self.vis.as_ref().map(|vis| vis.map(&f)),
+        }
+    }
+
+    /// The arrays with their names and shapes `[rows, columns]`, always in this order: `grid.table`, then
+    /// `geo.0.weight` and so on, `rgb.0.weight` and so on, `vis.0.weight` and so on.
+    pub fn tensors(&self) -> Vec<(String, [usize; 2], &[R])> {
+        let features = self.config.grid.features;
+        let mut tensors =
+            vec![("grid.table".to_owned(), [self.table.len() / features, features], &self.table[..])];
+        for (name, network) in
+            [("geo", Some(&self.geo)), ("rgb", Some(&self.rgb)), ("vis", self.vis.as_ref())]
+        {
+            for (i, layer) in network.iter().flat_map(|n| n.layers.iter().enumerate()) {
+                tensors.push((format!("{name}.{i}.weight"), [layer.outputs, layer.inputs], &layer.weight));
+            }
+        }
+        tensors
+    }
+
+    /// The numbers of [`Parameters::tensors`], in the same order, to be changed.
+    pub fn tensors_mut(&mut self) -> Vec<&mut [R]> {
+        let networks = [Some(&mut self.geo), Some(&mut self.rgb), self.vis.as_mut()];
+        let layers = networks.into_iter().flatten().flat_map(|n| &mut n.layers);
+        std::iter::once(&mut self.table[..]).chain(layers.map(|l| &mut l.weight[..])).collect()
     }
 }
 
@@ -314,87 +347,4 @@ pub enum ParameterError {
         /// The number.
         value: f32,
     },
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::architecture::{V2, V5, VARIANTS};
-
-    fn config(architecture: Architecture) -> FieldConfig {
-        FieldConfig {
-            architecture,
-            grid: GridConfig { levels: 4, features: 2, log2_table: 10, base: 4, finest: 32 },
-            bounds: Bounds { lo: [-0.5, -0.5, 0.0], hi: [0.5, 0.5, 1.0] },
-            density_scale: 10.0,
-        }
-    }
-
-    #[test]
-    fn initial_weights_are_valid_and_spread_as_stated() {
-        for (_, architecture) in VARIANTS {
-            let parameters = Parameters::init(config(architecture), 5).unwrap();
-            parameters.validate().unwrap();
-            for (_, network) in parameters.networks() {
-                for layer in &network.layers {
-                    let bound = 1.0 / (layer.inputs as f32).sqrt();
-                    let largest = layer.weight.iter().fold(0.0f32, |m, w| m.max(w.abs()));
-                    assert!(largest <= bound && largest > 0.9 * bound);
-                }
-            }
-            let largest = parameters.table.iter().fold(0.0f32, |m, w| m.max(w.abs()));
-            assert!(largest <= 1e-4 && largest > 0.99e-4);
-        }
-    }
-
-    #[test]
-    fn the_seed_decides_the_weights() {
-        let init = |seed| Parameters::init(config(V5), seed).unwrap();
-        assert_eq!(init(1), init(1));
-        assert_ne!(init(1).table, init(2).table);
-        assert_ne!(init(1).rgb, init(2).rgb);
-    }
-
-    #[test]
-    fn impossible_configurations_are_refused_by_name() {
-        let refuse = |change: fn(&mut FieldConfig), name: &str| {
-            let mut config = config(V2);
-            change(&mut config);
-            let message = Parameters::init(config, 0).unwrap_err().to_string();
-            assert!(message.contains(name), "{message}");
-        };
-        refuse(|c| c.grid.levels = 0, "grid.levels");
-        refuse(|c| c.grid.features = 4, "grid.features");
-        refuse(|c| c.grid.log2_table = 64, "grid.log2_table");
-        refuse(|c| c.grid.base = 0, "grid.base");
-        refuse(|c| c.grid.finest = 2, "grid.finest");
-        refuse(|c| c.grid.finest = u32::MAX, "grid.finest");
-        refuse(|c| c.bounds.hi[1] = c.bounds.lo[1], "bounds");
-        refuse(|c| c.bounds.lo[0] = f32::NAN, "bounds");
-        refuse(|c| c.density_scale = 0.0, "density_scale");
-    }
-
-    #[test]
-    fn wrong_arrays_are_refused_by_name() {
-        let refuse = |change: fn(&mut Parameters), name: &str| {
-            let mut parameters = Parameters::init(config(V5), 0).unwrap();
-            change(&mut parameters);
-            let message = parameters.validate().unwrap_err().to_string();
-            assert!(message.contains(name), "{message}");
-        };
-        refuse(|p| p.table.truncate(10), "grid.table");
-        refuse(|p| p.table[3] = f32::NAN, "grid.table holds NaN at index 3");
-        refuse(|p| p.geo.layers[1].weight.truncate(3), "geo.1.weight");
-        refuse(|p| p.rgb.layers[2].inputs = 63, "rgb.2.weight");
-        refuse(|p| p.rgb.layers.truncate(3), "rgb has 3 layers");
-        refuse(|p| p.vis = None, "no visibility network");
-    }
-
-    #[test]
-    fn default_grid_has_the_resolutions_of_torch_ngp() {
-        let levels = GridConfig::default().level_table();
-        assert_eq!((levels[0].resolution, levels[15].resolution), (16, 2048));
-        assert!(levels.windows(2).all(|w| w[0].offset + w[0].entries == w[1].offset));
-        assert_eq!(levels.iter().filter(|l| !l.hashed).count(), 5);
-    }
 }
