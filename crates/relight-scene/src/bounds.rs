@@ -2,6 +2,22 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::camera::{Camera, Intrinsics};
+use crate::focus::focus;
+use crate::scene::Scene;
+use crate::vector::{Vector, median, norm, sub};
+
+/// Half the box's side, at most, as a share of the median distance from camera to focus.
+const LARGEST: f64 = 0.75;
+/// And at least.
+const SMALLEST: f64 = 0.3;
+/// A place belongs to the scene if this share of the cameras frame it.
+const SEEN_BY: f64 = 0.25;
+/// Cameras asked, at most.
+const WITNESSES: usize = 64;
+/// Grid of places from the focus outward, a half axis.
+const STEPS: i32 = 12;
+
 /// An axis-aligned box in the world frame, metres.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Bounds {
@@ -9,4 +25,58 @@ pub struct Bounds {
     pub lo: [f32; 3],
     /// Highest corner.
     pub hi: [f32; 3],
+}
+
+/// A cubic box found from cameras and lights alone.
+///
+/// Its centre is the focus: the point nearest to the rays through the middles of all images (where those leave it
+/// open, as for one camera or parallel ones, the point near the middle of the lights). It is as small as will hold
+/// every place that a quarter of the cameras frame, but its half side is between 0.3 and 0.75 times the median
+/// distance from camera to focus. Cameras on one side of the scene, as in ReNe, all see far behind it and give 0.75:
+/// at 0.6 m, room for a floor and walls 0.45 m from the object. Cameras all around give little more than the ball
+/// that all of them frame. What lies beyond, an engine paints on the box's faces. Cameras near the cube's corners may
+/// stand inside it; the middle is always free of them.
+pub fn scene_bounds(scene: &Scene) -> Bounds {
+    let centre = focus(&scene.cameras, &scene.lights);
+    let distances = |points: Vec<Vector>| median(points.iter().map(|&p| norm(sub(p, centre))).collect());
+    let mut reach = distances(scene.cameras.iter().map(|camera| camera.pose.position()).collect());
+    if reach < 1e-6 {
+        reach = distances(scene.lights.iter().map(|light| light.pose.position()).collect()).max(1e-3);
+    }
+    let half = reach * framed(&scene.cameras, centre, reach).clamp(SMALLEST, LARGEST);
+    Bounds { lo: centre.map(|c| (c - half) as f32), hi: centre.map(|c| (c + half) as f32) }
+}
+
+/// Half the side of the smallest cube about `centre` that holds all places framed by enough cameras, as a share of
+/// `reach`; places beyond the largest box are not looked at.
+fn framed(cameras: &[Camera], centre: Vector, reach: f64) -> f64 {
+    let every = cameras.len().div_ceil(WITNESSES).max(1);
+    // Without distortion: far outside its image a distortion model may fold back in.
+    let witnesses: Vec<(Intrinsics, &Camera)> = cameras
+        .iter()
+        .step_by(every)
+        .map(|camera| (Intrinsics { distortion: Vec::new(), ..camera.intrinsics.clone() }, camera))
+        .collect();
+    let needed = (SEEN_BY * witnesses.len() as f64).ceil().max(1.0) as usize;
+    let sees = |(lens, camera): &(Intrinsics, &Camera), place: Vector| {
+        lens.project(camera.pose.inverse_transform(place)).is_some_and(|[u, v]| {
+            (-0.5..f64::from(lens.width) - 0.5).contains(&u)
+                && (-0.5..f64::from(lens.height) - 0.5).contains(&v)
+        })
+    };
+    let pitch = LARGEST / f64::from(STEPS);
+    let mut shells = 0;
+    for i in -STEPS..=STEPS {
+        for j in -STEPS..=STEPS {
+            for k in -STEPS..=STEPS {
+                let shell = i.abs().max(j.abs()).max(k.abs());
+                let offset = [i, j, k].map(|n| f64::from(n) * pitch * reach);
+                let place = std::array::from_fn(|axis| centre[axis] + offset[axis]);
+                if shell > shells && witnesses.iter().filter(|w| sees(w, place)).count() >= needed {
+                    shells = shell;
+                }
+            }
+        }
+    }
+    f64::from(shells + 1) * pitch
 }

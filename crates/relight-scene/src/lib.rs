@@ -1,5 +1,35 @@
 //! One-light-at-a-time captures: cameras, lights, frames, and the folders that hold them.
+//!
+//! [`Scene::open`] reads a folder in any of the known formats, [`check`](check::check) lists all that is wrong with it,
+//! [`Splits`] says which frames train and which score, and [`PixelStore`] holds the training pixels.
+//!
+//! World: metres, right-handed, +Z up. Poses are to-world. Camera axes as OpenCV's (+X right, +Y down, +Z forward),
+//! pixel centres at integers, distortion as OpenCV's. Pictures are sRGB, 8 bits, row-major, origin at the top left.
 
 mod bounds;
+mod camera;
+mod conventions;
+mod distortion;
+mod error;
+mod files;
+mod focus;
+mod formats;
+mod frame;
+mod image_file;
+mod light;
+mod pixel_store;
+mod pose;
+mod scene;
+mod splits;
+mod vector;
 
-pub use bounds::Bounds;
+pub use bounds::{Bounds, scene_bounds};
+pub use camera::{Camera, Intrinsics};
+pub use error::{Fault, FaultKind, SceneError, Severity};
+pub use frame::Frame;
+pub use image_file::{Image, read_image};
+pub use light::Light;
+pub use pixel_store::PixelStore;
+pub use pose::Pose;
+pub use scene::{Layout, Scene};
+pub use splits::{Split, Splits};

@@ -1,0 +1,116 @@
+//! Training pixels, compact and ready for random access.
+//!
+//! Held camera by camera as `[pixel][light][rgb]`, 8 bits a channel, so that all lights of a pixel lie together: a ray
+//! that is compared with several of its lights touches one or two cache lines.
+
+mod decode;
+
+use std::ops::Range;
+
+use crate::error::SceneError;
+use crate::scene::Scene;
+
+/// Training pixels of a scene.
+pub struct PixelStore {
+    views: Vec<View>,
+    bytes: Vec<u8>,
+}
+
+/// One camera's pixels.
+#[derive(Clone, Debug, PartialEq)]
+struct View {
+    /// Index of the scene's camera.
+    camera: usize,
+    /// Indices of the scene's lights, ascending.
+    lights: Vec<u32>,
+    /// Indices of the scene's frames, in the order of the lights.
+    frames: Vec<usize>,
+    /// Pixels of the camera's image.
+    pixels: usize,
+    /// Where its bytes lie in the store.
+    bytes: Range<usize>,
+}
+
+impl PixelStore {
+    /// Decodes the given frames' images on all cores. `progress` is told how many images are done, and of how many, from
+    /// whatever thread is at it.
+    ///
+    /// # Errors
+    /// The first image that cannot be decoded, is not of its camera's size, or is black: the official release blacks
+    /// out its test images, and training on one is always a mistake.
+    pub fn load(
+        scene: &Scene,
+        frames: &[usize],
+        progress: &(dyn Fn(usize, usize) + Sync),
+    ) -> Result<PixelStore, SceneError> {
+        let (views, length) = lay_out(scene, frames)?;
+        let mut bytes = Vec::new();
+        bytes.try_reserve_exact(length).map_err(|_| SceneError::Memory { bytes: length })?;
+        decode::decode(scene, &views, progress, &mut |part| {
+            bytes.extend_from_slice(part);
+            Ok(())
+        })?;
+        Ok(PixelStore { views, bytes })
+    }
+
+    /// Cameras that have at least one of the frames.
+    pub fn views(&self) -> usize {
+        self.views.len()
+    }
+
+    /// The scene's camera, by index, of a view.
+    pub fn camera(&self, view: usize) -> usize {
+        self.views[view].camera
+    }
+
+    /// The scene's lights, by index, that are held for a view, ascending.
+    pub fn lights(&self, view: usize) -> &[u32] {
+        &self.views[view].lights
+    }
+
+    /// Pixels of a view's image: width times height.
+    pub fn pixels(&self, view: usize) -> usize {
+        self.views[view].pixels
+    }
+
+    /// The colours of a view's pixel, one a light in the order of [`lights`](PixelStore::lights). Pixels count row by
+    /// row from the top left.
+    pub fn pixel(&self, view: usize, pixel: usize) -> &[[u8; 3]] {
+        let view = &self.views[view];
+        let stride = 3 * view.lights.len();
+        let start = view.bytes.start + pixel * stride;
+        self.bytes[start..start + stride].as_chunks().0
+    }
+}
+
+/// Where each view's pixels go, and how many bytes there are in all.
+fn lay_out(scene: &Scene, frames: &[usize]) -> Result<(Vec<View>, usize), SceneError> {
+    let mut wanted = Vec::with_capacity(frames.len());
+    for &index in frames {
+        let count = scene.frames.len();
+        let frame = scene.frames.get(index).ok_or(SceneError::NoSuchFrame { frame: index, frames: count })?;
+        wanted.push((frame.camera, frame.light, index));
+    }
+    wanted.sort_unstable();
+    wanted.dedup();
+    let mut views: Vec<View> = Vec::new();
+    let mut start = 0usize;
+    for of_camera in wanted.chunk_by(|a, b| a.0 == b.0) {
+        let camera = of_camera[0].0;
+        let lens = &scene.cameras[camera].intrinsics;
+        let pixels = lens.width as usize * lens.height as usize;
+        let length = pixels.checked_mul(3 * of_camera.len());
+        let end = length
+            .and_then(|length| start.checked_add(length))
+            .ok_or(SceneError::Memory { bytes: usize::MAX })?;
+        views.push(View {
+            camera,
+            lights: of_camera.iter().map(|&(_, light, _)| light as u32).collect(),
+            frames: of_camera.iter().map(|&(_, _, frame)| frame).collect(),
+            pixels,
+            bytes: start..end,
+        });
+        start = end;
+    }
+    Ok((views, start))
+}

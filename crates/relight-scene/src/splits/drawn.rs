@@ -1,0 +1,91 @@
+//! Splits of captures that have no published ones, drawn from a fixed seed.
+
+use std::collections::{HashMap, HashSet};
+
+use super::{HeldOut, Splits, by_held_out};
+use crate::scene::Scene;
+
+/// Fixed: the same capture has the same splits wherever it is opened.
+const SEED: u64 = 2023;
+
+/// ReNe's shares: 3 of 50 cameras for the test and as many for validation, 3 of 40 lights.
+const CAMERAS: f64 = 3.0 / 50.0;
+const LIGHTS: f64 = 3.0 / 40.0;
+/// Lights under which a validation camera is looked at, and frames drawn where no camera can be spared.
+const VAL_LIGHTS: usize = 3;
+const VAL_FRAMES: usize = 9;
+/// Fewer cameras than this and none is held out for validation alone; fewer lights and none is held out.
+const FEW: usize = 5;
+
+/// SplitMix64 (Steele et al. 2014).
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    /// Takes `count` of the items out, at random.
+    fn take(&mut self, items: &mut Vec<usize>, count: usize) -> Vec<usize> {
+        (0..count.min(items.len()))
+            .map(|_| items.swap_remove((self.next() % items.len() as u64) as usize))
+            .collect()
+    }
+}
+
+/// A share of a count, at least one.
+fn share(count: usize, share: f64) -> usize {
+    ((count as f64 * share).round() as usize).max(1)
+}
+
+/// Draws a capture's splits. Where cameras meet lights in a grid, whole cameras and lights are held out as in ReNe:
+/// `hard` stays empty with fewer than 5 lights, and with one camera there is no test at all. Where each light is used
+/// once there are no lights to hold out: a share of the frames is `easy`.
+pub(super) fn draw(scene: &Scene) -> Splits {
+    let mut random = Random(SEED);
+    let is_grid = scene.frames.len() > scene.lights.len();
+    let mut cameras: Vec<usize> = (0..scene.cameras.len()).collect();
+    let mut lights: Vec<usize> = (0..scene.lights.len()).collect();
+    let test_cameras = if cameras.len() > 1 {
+        let count = share(cameras.len(), CAMERAS);
+        random.take(&mut cameras, count)
+    } else {
+        Vec::new()
+    };
+    let test_lights = if is_grid && lights.len() >= FEW {
+        let count = share(lights.len(), LIGHTS);
+        random.take(&mut lights, count)
+    } else {
+        Vec::new()
+    };
+    let val_cameras = if is_grid && cameras.len() + test_cameras.len() >= FEW {
+        let count = test_cameras.len();
+        random.take(&mut cameras, count)
+    } else {
+        Vec::new()
+    };
+    let test_lights: HashSet<usize> = test_lights.into_iter().collect();
+    let mut val = HashMap::new();
+    for camera in val_cameras {
+        let frames = scene.frames.iter().filter(|f| f.camera == camera && !test_lights.contains(&f.light));
+        let mut under: Vec<usize> = frames.map(|frame| frame.light).collect();
+        val.insert(camera, random.take(&mut under, VAL_LIGHTS).into_iter().collect());
+    }
+    let held_out = HeldOut { test_cameras: test_cameras.into_iter().collect(), test_lights, val };
+    with_validation(by_held_out(scene, &held_out))
+}
+
+/// Where there are no validation frames, takes a few out of the training ones.
+pub(super) fn with_validation(mut splits: Splits) -> Splits {
+    if splits.val.is_empty() && splits.train.len() > 1 {
+        let count = VAL_FRAMES.min(share(splits.train.len(), CAMERAS));
+        splits.val = Random(SEED).take(&mut splits.train, count);
+        splits.val.sort_unstable();
+        splits.train.sort_unstable();
+    }
+    splits
+}
