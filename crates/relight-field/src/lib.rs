@@ -8,4 +8,6 @@ pub mod network;
 pub mod parameters;
 pub mod random;
 pub mod real;
+pub mod reference;
 pub mod sampling;
+pub mod weights_file;

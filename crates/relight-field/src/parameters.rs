@@ -14,6 +14,8 @@ const MAX_LEVELS: usize = 32;
 const MAX_LOG2_TABLE: u32 = 24;
 /// Most cells an axis of a level; vertex numbers then fit 64 bits with room to spare.
 const MAX_RESOLUTION: u32 = 1 << 16;
+/// Name of the hash table among the arrays.
+const TABLE: &str = "grid.table";
 /// Half the width of the interval that the table's first values are drawn from.
 const TABLE_INIT: f32 = 1e-4;
 
@@ -161,6 +163,22 @@ impl FieldConfig {
         }
         Ok(())
     }
+
+    /// Names and shapes `[rows, columns]` of a field's arrays, in the order of [`Parameters::tensors`].
+    pub fn tensor_shapes(&self) -> Vec<(String, [usize; 2])> {
+        let features = self.grid.outputs();
+        let mut shapes = vec![(TABLE.to_owned(), [self.grid.entries(), self.grid.features])];
+        for (name, layers) in [
+            ("geo", Some(self.architecture.geo_shape(features))),
+            ("rgb", Some(self.architecture.rgb_shape(features))),
+            ("vis", self.architecture.vis_shape(features)),
+        ] {
+            for (i, (inputs, outputs)) in layers.into_iter().flatten().enumerate() {
+                shapes.push((format!("{name}.{i}.weight"), [outputs, inputs]));
+            }
+        }
+        shapes
+    }
 }
 
 /// A field: its configuration and its weights, or gradients or moments of the same shapes.
@@ -178,61 +196,40 @@ pub struct Parameters<R = f32> {
     pub vis: Option<Network<R>>,
 }
 
-impl Network {
-    /// A network of the given `(inputs, outputs)`, its weights uniform in `+-1 / sqrt(inputs)`: the default of
-    /// PyTorch's `Linear`. Layer `i` draws from stream `stream + i`.
-    fn init(shape: &[(usize, usize)], seed: u64, stream: u64) -> Self {
-        let layers = shape.iter().zip(stream..).map(|(&(inputs, outputs), stream)| {
-            let random = Random::new(seed, stream);
-            let bound = 1.0 / (inputs as f32).sqrt();
-            let weight = (0..(inputs * outputs) as u64).map(|i| symmetric(random, i, bound)).collect();
-            Layer { inputs, outputs, weight }
-        });
-        Self { layers: layers.collect() }
-    }
-
-    /// Checks layers against the shape that the architecture asks for.
-    fn validate(&self, name: &str, shape: &[(usize, usize)]) -> Result<(), ParameterError> {
-        if self.layers.len() != shape.len() {
-            return Err(ParameterError::Shape(format!(
-                "{name} has {} layers; the architecture has {}",
-                self.layers.len(),
-                shape.len()
-            )));
-        }
-        for (i, (layer, &(inputs, outputs))) in self.layers.iter().zip(shape).enumerate() {
-            if (layer.inputs, layer.outputs, layer.weight.len()) != (inputs, outputs, inputs * outputs) {
-                return Err(ParameterError::Shape(format!(
-                    "{name}.{i}.weight is [{}, {}] with {} numbers; the architecture has [{outputs}, {inputs}]",
-                    layer.outputs,
-                    layer.inputs,
-                    layer.weight.len()
-                )));
-            }
-            check_finite(&format!("{name}.{i}.weight"), &layer.weight)?;
-        }
-        Ok(())
-    }
-}
-
 impl Parameters {
-    /// The first weights of a field: the table uniform in +-1e-4, networks as PyTorch's `Linear` has them by default.
-    /// `seed` decides all of them.
+    /// The first weights of a field: the table uniform in +-1e-4, networks uniform in `+-1 / sqrt(inputs)` as PyTorch's
+    /// `Linear` has them by default. `seed` decides all of them.
     ///
     /// # Errors
     /// [`ParameterError::Config`] if no field can be made of `config`.
     pub fn init(config: FieldConfig, seed: u64) -> Result<Self, ParameterError> {
+        let mut parameters = Self::zeros(config)?;
+        let shapes = parameters.config.tensor_shapes();
+        for (stream, ((name, [_, inputs]), values)) in (0..).zip(shapes.iter().zip(parameters.tensors_mut()))
+        {
+            let random = Random::new(seed, stream);
+            let bound = if name == TABLE { TABLE_INIT } else { 1.0 / (*inputs as f32).sqrt() };
+            (0..).zip(values).for_each(|(i, v)| *v = (2.0 * random.uniform_at(i) - 1.0) * bound);
+        }
+        Ok(parameters)
+    }
+
+    /// All weights zero.
+    ///
+    /// # Errors
+    /// [`ParameterError::Config`] if no field can be made of `config`.
+    pub fn zeros(config: FieldConfig) -> Result<Self, ParameterError> {
         config.validate()?;
         let features = config.grid.outputs();
         let architecture = config.architecture;
-        let random = Random::new(seed, 0);
-        let numbers = (config.grid.entries() * config.grid.features) as u64;
+        let layer = |(inputs, outputs)| Layer { inputs, outputs, weight: vec![0.0; inputs * outputs] };
+        let network = |shape: Vec<(usize, usize)>| Network { layers: shape.into_iter().map(layer).collect() };
         Ok(Self {
+            table: vec![0.0; config.grid.entries() * config.grid.features],
+            geo: network(architecture.geo_shape(features)),
+            rgb: network(architecture.rgb_shape(features)),
+            vis: architecture.vis_shape(features).map(network),
             config,
-            table: (0..numbers).map(|i| symmetric(random, i, TABLE_INIT)).collect(),
-            geo: Network::init(&architecture.geo_shape(features), seed, 100),
-            rgb: Network::init(&architecture.rgb_shape(features), seed, 200),
-            vis: architecture.vis_shape(features).map(|shape| Network::init(&shape, seed, 300)),
         })
     }
 
@@ -242,28 +239,29 @@ impl Parameters {
     /// [`ParameterError`] naming the configuration value or the array at fault.
     pub fn validate(&self) -> Result<(), ParameterError> {
         self.config.validate()?;
-        let (entries, features) = (self.config.grid.entries(), self.config.grid.features);
-        if self.table.len() != entries * features {
-            return Err(ParameterError::Shape(format!(
-                "grid.table has {} numbers; the grid has [{entries}, {features}]",
-                self.table.len()
-            )));
+        let (has, wants) = (self.tensors(), self.config.tensor_shapes());
+        if let Some((name, _)) = wants.iter().find(|(name, _)| !has.iter().any(|(n, ..)| n == name)) {
+            return Err(ParameterError::Shape(format!("{name} is missing")));
         }
-        check_finite("grid.table", &self.table)?;
-        let architecture = self.config.architecture;
-        let inputs = self.config.grid.outputs();
-        self.geo.validate("geo", &architecture.geo_shape(inputs))?;
-        self.rgb.validate("rgb", &architecture.rgb_shape(inputs))?;
-        match (&self.vis, architecture.vis_shape(inputs)) {
-            (Some(vis), Some(shape)) => vis.validate("vis", &shape),
-            (None, None) => Ok(()),
-            (has, _) => Err(ParameterError::Shape(format!(
-                "there is {} visibility network; the architecture {} has {}",
-                if has.is_some() { "a" } else { "no" },
-                architecture.name(),
-                if has.is_some() { "none" } else { "one" }
-            ))),
+        for (name, shape, values) in has {
+            match wants.iter().find(|(n, _)| *n == name) {
+                Some((_, wanted)) if shape == *wanted && values.len() == wanted[0] * wanted[1] => {}
+                Some((_, wanted)) => {
+                    return Err(ParameterError::Shape(format!(
+                        "{name} is {shape:?} with {} numbers; model and grid ask for {wanted:?}",
+                        values.len()
+                    )));
+                }
+                None => {
+                    let model = self.config.architecture.name();
+                    return Err(ParameterError::Shape(format!("{name} is no tensor of {model}")));
+                }
+            }
+            if let Some(index) = values.iter().position(|v| !v.is_finite()) {
+                return Err(ParameterError::NonFinite { tensor: name, index, value: values[index] });
+            }
         }
+        Ok(())
     }
 }
 
@@ -295,8 +293,7 @@ impl<R: Real> Parameters<R> {
     /// `geo.0.weight` and so on, `rgb.0.weight` and so on, `vis.0.weight` and so on.
     pub fn tensors(&self) -> Vec<(String, [usize; 2], &[R])> {
         let features = self.config.grid.features;
-        let mut tensors =
-            vec![("grid.table".to_owned(), [self.table.len() / features, features], &self.table[..])];
+        let mut tensors = vec![(TABLE.to_owned(), [self.table.len() / features, features], &self.table[..])];
         for (name, network) in
             [("geo", Some(&self.geo)), ("rgb", Some(&self.rgb)), ("vis", self.vis.as_ref())]
         {
@@ -312,19 +309,6 @@ impl<R: Real> Parameters<R> {
         let networks = [Some(&mut self.geo), Some(&mut self.rgb), self.vis.as_mut()];
         let layers = networks.into_iter().flatten().flat_map(|n| &mut n.layers);
         std::iter::once(&mut self.table[..]).chain(layers.map(|l| &mut l.weight[..])).collect()
-    }
-}
-
-/// Number `index` of `random`, uniform in `+-bound`.
-fn symmetric(random: Random, index: u64, bound: f32) -> f32 {
-    (2.0 * random.uniform_at(index) - 1.0) * bound
-}
-
-/// Refuses an array with a number that is not finite.
-fn check_finite(name: &str, values: &[f32]) -> Result<(), ParameterError> {
-    match values.iter().position(|v| !v.is_finite()) {
-        Some(at) => Err(ParameterError::NonFinite { tensor: name.to_owned(), index: at, value: values[at] }),
-        None => Ok(()),
     }
 }
 

@@ -65,8 +65,10 @@ fn wrong_arrays_are_refused_by_name() {
     refuse(|p| p.table[3] = f32::NAN, "grid.table holds NaN at index 3");
     refuse(|p| p.geo.layers[1].weight.truncate(3), "geo.1.weight");
     refuse(|p| p.rgb.layers[2].inputs = 63, "rgb.2.weight");
-    refuse(|p| p.rgb.layers.truncate(3), "rgb has 3 layers");
-    refuse(|p| p.vis = None, "no visibility network");
+    refuse(|p| p.rgb.layers.truncate(3), "rgb.3.weight is missing");
+    refuse(|p| p.config.architecture = V2, "rgb.0.weight");
+    refuse(|p| p.config.architecture.visibility = false, "vis.0.weight is no tensor");
+    refuse(|p| p.vis = None, "vis.0.weight is missing");
 }
 
 #[test]
