@@ -1,6 +1,7 @@
 //! Images in files.
 
-use std::io::Cursor;
+use std::fs::File;
+use std::io::{BufRead, BufReader, Cursor, Seek};
 use std::path::Path;
 
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
@@ -74,7 +75,7 @@ pub(crate) fn read_sized(path: &Path, expected: Option<(u32, u32)>) -> Result<Im
     if is_cut_short(&bytes) {
         return Err(damaged(path, "the file is truncated"));
     }
-    let decoder = decoder(path, &bytes)?;
+    let decoder = decoder(path, Cursor::new(bytes.as_slice()))?;
     let (width, height) = decoder.dimensions();
     if let Some((w, h)) = expected.filter(|&size| size != (width, height)) {
         let problem = format!("the image is {width}x{height}, but its camera's image size is {w}x{h}");
@@ -90,11 +91,12 @@ pub(crate) fn read_sized(path: &Path, expected: Option<(u32, u32)>) -> Result<Im
 
 /// Width and height as the file's header states them.
 pub(crate) fn read_size(path: &Path) -> Result<(u32, u32), SceneError> {
-    let bytes = files::read_bytes(path, LONGEST_FILE)?;
-    Ok(decoder(path, &bytes)?.dimensions())
+    files::plain_file_length(path)?;
+    let file = File::open(path).map_err(|error| SceneError::io(path, "be read", &error))?;
+    Ok(decoder(path, BufReader::new(file))?.dimensions())
 }
 
-fn decoder<'a>(path: &Path, bytes: &'a [u8]) -> Result<impl ImageDecoder + use<'a>, SceneError> {
+fn decoder<'a>(path: &Path, from: impl BufRead + Seek + 'a) -> Result<impl ImageDecoder + 'a, SceneError> {
     let unknown = || {
         let problem = "is not a PNG, JPEG or WebP image";
         SceneError::fault(
@@ -104,7 +106,7 @@ fn decoder<'a>(path: &Path, bytes: &'a [u8]) -> Result<impl ImageDecoder + use<'
             "Convert it to one of these, PNG if it should lose nothing.",
         )
     };
-    let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|_| unknown())?;
+    let mut reader = ImageReader::new(from).with_guessed_format().map_err(|_| unknown())?;
     if !matches!(reader.format(), Some(ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::WebP)) {
         return Err(unknown());
     }

@@ -1,6 +1,6 @@
 //! One-light-at-a-time captures: cameras, lights, frames, and the folders that hold them.
 //!
-//! [`Scene::open`] reads a folder in any of the known formats, [`check`](check::check) lists all that is wrong with it,
+//! [`Scene::open`] reads a folder in any of the known formats, [`check()`] lists all that is wrong with it,
 //! [`Splits`] says which frames train and which score, and [`PixelStore`] holds the training pixels.
 //!
 //! World: metres, right-handed, +Z up. Poses are to-world. Camera axes as OpenCV's (+X right, +Y down, +Z forward),
@@ -8,6 +8,7 @@
 
 mod bounds;
 mod camera;
+mod check;
 mod conventions;
 mod distortion;
 mod error;
@@ -16,20 +17,25 @@ mod focus;
 mod formats;
 mod frame;
 mod image_file;
+mod info;
 mod light;
 mod pixel_store;
 mod pose;
 mod scene;
+mod sheet;
 mod splits;
 mod vector;
 
 pub use bounds::{Bounds, scene_bounds};
 pub use camera::{Camera, Intrinsics};
+pub use check::{Report, check};
 pub use error::{Fault, FaultKind, SceneError, Severity};
 pub use frame::Frame;
 pub use image_file::{Image, read_image};
+pub use info::{SceneInfo, SplitCounts};
 pub use light::Light;
 pub use pixel_store::PixelStore;
-pub use pose::Pose;
+pub use pose::{Pose, PoseFault};
 pub use scene::{Layout, Scene};
+pub use sheet::contact_sheet;
 pub use splits::{Split, Splits};

@@ -43,7 +43,7 @@ impl Scene {
     /// Reads a scene's cameras, lights and list of images; no image is decoded.
     ///
     /// # Errors
-    /// The first fault that makes the scene unusable. [`check`](crate::check) lists all.
+    /// The first fault that makes the scene unusable. [`check`](fn@crate::check) lists all.
     pub fn open(path: &Path) -> Result<Scene, SceneError> {
         let (scene, faults) = formats::read(path);
         if let Some(fault) = faults.first_error() {

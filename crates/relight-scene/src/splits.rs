@@ -83,13 +83,7 @@ impl Splits {
     /// # Errors
     /// If `splits.json` is of an unknown version or does not fit the scene.
     pub fn of(scene: &Scene) -> Result<Splits, SceneError> {
-        if is_rene_sized(scene) {
-            return Ok(published(scene));
-        }
-        if let Some(declared) = &scene.declared {
-            return Ok(drawn::with_validation(declared.clone()));
-        }
-        if let Some(splits) = file::read(scene)? {
+        if let Some(splits) = Splits::settled(scene)? {
             return Ok(splits);
         }
         let splits = drawn::draw(scene);
@@ -97,6 +91,22 @@ impl Splits {
             tracing::warn!("the splits are drawn anew in each run, always the same: {error}");
         }
         Ok(splits)
+    }
+
+    /// As [`of`](Splits::of), but nothing is written.
+    pub(crate) fn peek(scene: &Scene) -> Result<Splits, SceneError> {
+        Ok(Splits::settled(scene)?.unwrap_or_else(|| drawn::draw(scene)))
+    }
+
+    /// The splits that need not be drawn.
+    fn settled(scene: &Scene) -> Result<Option<Splits>, SceneError> {
+        if is_rene_sized(scene) {
+            return Ok(Some(published(scene)));
+        }
+        match &scene.declared {
+            Some(declared) => Ok(Some(drawn::with_validation(declared.clone()))),
+            None => file::read(scene),
+        }
     }
 
     /// The frames of one split.
@@ -109,7 +119,7 @@ impl Splits {
         }
     }
 
-    fn get_mut(&mut self, split: Split) -> &mut Vec<usize> {
+    pub(crate) fn get_mut(&mut self, split: Split) -> &mut Vec<usize> {
         match split {
             Split::Train => &mut self.train,
             Split::Val => &mut self.val,

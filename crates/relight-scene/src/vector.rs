@@ -34,7 +34,8 @@ pub(crate) fn unit(a: Vector) -> Option<Vector> {
 
 /// Angle between two vectors, radians; a right angle if either is zero.
 pub(crate) fn angle(a: Vector, b: Vector) -> f64 {
-    norm(cross(a, b)).atan2(dot(a, b))
+    let (across, along) = (norm(cross(a, b)), dot(a, b));
+    if across == 0.0 && along == 0.0 { std::f64::consts::FRAC_PI_2 } else { across.atan2(along) }
 }
 
 /// Mean of some points; the origin if there are none.

@@ -3,7 +3,7 @@
 
 use std::path::PathBuf;
 
-use relight_scene::{PixelStore, Scene, Splits, scene_bounds};
+use relight_scene::{PixelStore, Scene, SceneInfo, Splits, check, contact_sheet, scene_bounds};
 
 fn scenes() -> Vec<PathBuf> {
     let root = std::env::var_os("RELIGHT_SCENES").expect("RELIGHT_SCENES names a folder of scenes");
@@ -33,6 +33,23 @@ fn captures_open_and_load() {
             for pixel in 0..store.pixels(view) {
                 assert_eq!(store.pixel(view, pixel)[slot], image.data[3 * pixel..3 * pixel + 3]);
             }
+        }
+    }
+}
+
+#[test]
+#[ignore = "needs captures: set RELIGHT_SCENES; writes sheets to RELIGHT_SHEETS"]
+fn captures_check_clean_and_sum_up() {
+    for path in scenes() {
+        let start = std::time::Instant::now();
+        let report = check(&path, &|_, _| {});
+        println!("checked in {:?}: {:?}", start.elapsed(), report.faults);
+        assert!(report.faults.is_empty());
+        let scene = Scene::open(&path).unwrap();
+        println!("{:?}", SceneInfo::of(&scene).unwrap());
+        let sheet = contact_sheet(&scene).unwrap();
+        if let Some(folder) = std::env::var_os("RELIGHT_SHEETS") {
+            sheet.write_png(&PathBuf::from(folder).join(format!("{}.png", scene.name))).unwrap();
         }
     }
 }

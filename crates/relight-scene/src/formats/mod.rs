@@ -3,6 +3,7 @@
 mod camera_file;
 mod pose_file;
 mod rene;
+mod transforms;
 
 use std::path::Path;
 
@@ -23,15 +24,30 @@ pub(crate) fn read(path: &Path) -> (Option<Scene>, Faults) {
 }
 
 fn read_into(path: &Path, faults: &mut Faults) -> Option<Scene> {
+    if path.extension().is_some_and(|extension| extension == "json") && path.is_file() {
+        let folder = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        return transforms::read(folder, &[(path.to_owned(), None)], faults);
+    }
     let entries = faults.keep(files::list(path))?;
     if entries.iter().any(|(name, _)| rene::light_number(name).is_some()) {
         return rene::read(path, &entries, faults);
     }
+    let transforms = transforms::find(&entries);
+    if !transforms.is_empty() {
+        return transforms::read(path, &transforms, faults);
+    }
+    let inside = entries.iter().find(|(_, path)| path.join("lset000").is_dir());
+    let mend = match inside {
+        Some((_, scene)) => {
+            format!("There are scenes inside: name one of them, such as {}.", scene.display())
+        }
+        None => "Name the scene's own folder, the one that holds these.".to_owned(),
+    };
     faults.error(
         FaultKind::Missing,
         path,
-        "holds no scene: neither folders lset000, lset001, … (ReNe) nor a file transforms.json or transforms_train.json",
-        "Name the scene's own folder, the one that holds these.",
+        "holds no scene: neither folders lset000, lset001, … (ReNe) nor transforms.json or transforms_train.json",
+        &mend,
     );
     None
 }

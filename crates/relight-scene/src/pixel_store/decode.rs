@@ -1,5 +1,6 @@
 //! Images to pixels, view by view.
 
+use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
@@ -10,17 +11,17 @@ use crate::image_file::Image;
 use crate::scene::Scene;
 
 /// Images decoded at once, a thread: enough that threads seldom wait for each other at a group's end.
-const IMAGES_A_THREAD: usize = 8;
+const IMAGES_A_THREAD: usize = 4;
 /// Pixels interleaved by one task.
-const BLOCK: usize = 1 << 14;
+const BLOCK: usize = 1 << 10;
 
-/// Decodes all views and hands each view's bytes, `[pixel][light][rgb]`, to `sink` in order. Besides what the sink keeps,
-/// memory holds a few views: those that keep all threads busy.
+/// Decodes all views and hands each view's bytes, `[pixel][light][rgb]`, to `sink` in order, until it breaks off. Besides
+/// what the sink keeps, memory holds the images of a few views at a time: as many as keep all threads busy.
 pub(super) fn decode(
     scene: &Scene,
     views: &[View],
     progress: &(dyn Fn(usize, usize) + Sync),
-    sink: &mut dyn FnMut(&[u8]) -> Result<(), SceneError>,
+    sink: &mut dyn FnMut(&[u8]) -> ControlFlow<()>,
 ) -> Result<(), SceneError> {
     let total = views.iter().map(|view| view.frames.len()).sum();
     let done = AtomicUsize::new(0);
@@ -50,7 +51,9 @@ pub(super) fn decode(
             decoded = others;
             pixels.resize(view.bytes.len(), 0);
             interleave(images, &mut pixels);
-            sink(&pixels)?;
+            if sink(&pixels).is_break() {
+                return Ok(());
+            }
         }
     }
     Ok(())

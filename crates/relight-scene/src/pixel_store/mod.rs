@@ -3,9 +3,14 @@
 //! Held camera by camera as `[pixel][light][rgb]`, 8 bits a channel, so that all lights of a pixel lie together: a ray
 //! that is compared with several of its lights touches one or two cache lines.
 
+mod cache;
 mod decode;
 
-use std::ops::Range;
+use std::io;
+use std::ops::{ControlFlow, Deref, Range};
+use std::path::Path;
+
+use memmap2::Mmap;
 
 use crate::error::SceneError;
 use crate::scene::Scene;
@@ -13,8 +18,28 @@ use crate::scene::Scene;
 /// Training pixels of a scene.
 pub struct PixelStore {
     views: Vec<View>,
-    bytes: Vec<u8>,
+    bytes: Bytes,
 }
+
+/// Where the pixels are.
+enum Bytes {
+    Memory(Vec<u8>),
+    Mapped(Mmap),
+}
+
+impl Deref for Bytes {
+    type Target = [u8];
+
+    fn deref(&self) -> &[u8] {
+        match self {
+            Bytes::Memory(bytes) => bytes,
+            Bytes::Mapped(map) => map,
+        }
+    }
+}
+
+/// Fewer bytes than this decode sooner than anyone notices, and are not cached.
+const WORTH_CACHING: usize = 1 << 24;
 
 /// One camera's pixels.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,6 +60,11 @@ impl PixelStore {
     /// Decodes the given frames' images on all cores. `progress` is told how many images are done, and of how many, from
     /// whatever thread is at it.
     ///
+    /// The pixels are kept in a file in `$RELIGHT_CACHE` (else `$XDG_CACHE_HOME/relight`, else `~/.cache/relight`), which
+    /// the next start maps into memory at once: the operating system then holds as much of it as there is room for. It
+    /// is decoded anew if an image's size or time has changed. Where no such file can be written, and for small scenes,
+    /// the pixels are held in memory.
+    ///
     /// # Errors
     /// The first image that cannot be decoded, is not of its camera's size, or is black: the official release blacks
     /// out its test images, and training on one is always a mistake.
@@ -43,14 +73,41 @@ impl PixelStore {
         frames: &[usize],
         progress: &(dyn Fn(usize, usize) + Sync),
     ) -> Result<PixelStore, SceneError> {
+        PixelStore::load_by(scene, frames, progress, cache::folder().as_deref(), WORTH_CACHING)
+    }
+
+    /// As [`load`](PixelStore::load), with the cache in a given folder for scenes of at least so many bytes.
+    fn load_by(
+        scene: &Scene,
+        frames: &[usize],
+        progress: &(dyn Fn(usize, usize) + Sync),
+        cache_folder: Option<&Path>,
+        worth_caching: usize,
+    ) -> Result<PixelStore, SceneError> {
         let (views, length) = lay_out(scene, frames)?;
+        let folder = cache_folder.filter(|_| length > 0 && length >= worth_caching);
+        let entry = folder.and_then(|folder| cache::Entry::new(folder, scene, &views, length));
+        if let Some(entry) = entry {
+            if let Some(map) = entry.open() {
+                progress(frames.len(), frames.len());
+                return Ok(PixelStore { views, bytes: Bytes::Mapped(map) });
+            }
+            match decode_to_file(scene, &views, progress, &entry)? {
+                Ok(map) => return Ok(PixelStore { views, bytes: Bytes::Mapped(map) }),
+                Err(error) => tracing::warn!(
+                    "{}: decoded pixels cannot be kept there ({error}): they are held in memory and decoded anew at the \
+                     next start. Set RELIGHT_CACHE to a folder with {length} bytes free.",
+                    entry.path().display()
+                ),
+            }
+        }
         let mut bytes = Vec::new();
         bytes.try_reserve_exact(length).map_err(|_| SceneError::Memory { bytes: length })?;
         decode::decode(scene, &views, progress, &mut |part| {
             bytes.extend_from_slice(part);
-            Ok(())
+            ControlFlow::Continue(())
         })?;
-        Ok(PixelStore { views, bytes })
+        Ok(PixelStore { views, bytes: Bytes::Memory(bytes) })
     }
 
     /// Cameras that have at least one of the frames.
@@ -81,6 +138,25 @@ impl PixelStore {
         let start = view.bytes.start + pixel * stride;
         self.bytes[start..start + stride].as_chunks().0
     }
+}
+
+/// Decodes into a cache file. The outer error is an image's, the inner one the file's.
+fn decode_to_file(
+    scene: &Scene,
+    views: &[View],
+    progress: &(dyn Fn(usize, usize) + Sync),
+    entry: &cache::Entry,
+) -> Result<io::Result<Mmap>, SceneError> {
+    let mut writer = match entry.create() {
+        Ok(writer) => writer,
+        Err(error) => return Ok(Err(error)),
+    };
+    let mut written = Ok(());
+    decode::decode(scene, views, progress, &mut |part| {
+        written = writer.write(part);
+        if written.is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+    })?;
+    Ok(written.and_then(|()| writer.finish()))
 }
 
 /// Where each view's pixels go, and how many bytes there are in all.

@@ -1,0 +1,353 @@
+//! Blender's and nerfstudio's `transforms.json` with a point light a frame, as NRHints and GS3 write it.
+//!
+//! `{"camera_angle_x": …, "frames": [{"file_path", "transform_matrix", "pl_pos": [x, y, z]}, …]}`, in one file
+//! `transforms.json` or in a pair `transforms_train.json` and `transforms_test.json` (and perhaps `transforms_val.json`).
+//! The lens is `camera_angle_x` (radians), or `fl_x fl_y cx cy w h k1 k2 k3 p1 p2`, or `camera_intrinsics`
+//! `[cx, cy, fx, fy]`; each frame may state its own. Matrices are camera-to-world with OpenGL's camera axes, and
+//! principal points count from the image's corner: both are converted. Lights are made to look at the focus.
+
+use std::collections::HashMap;
+use std::f64::consts::PI;
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+
+use super::pose_file;
+use crate::camera::{Camera, Intrinsics, LONGEST_SIDE};
+use crate::error::{FaultKind, Faults, SceneError};
+use crate::files;
+use crate::focus::focus;
+use crate::frame::Frame;
+use crate::image_file::{EXTENSIONS, read_size};
+use crate::light::Light;
+use crate::pose::Pose;
+use crate::scene::{Layout, Scene};
+use crate::splits::{Split, Splits};
+
+const LONGEST: u64 = 1 << 28;
+/// Lights farther out than this are no metres.
+const FARTHEST: f64 = 1e6;
+
+#[derive(Deserialize)]
+struct File {
+    #[serde(flatten)]
+    lens: Lens,
+    camera_model: Option<String>,
+    frames: Vec<Entry>,
+}
+
+#[derive(Deserialize)]
+struct Entry {
+    #[serde(flatten)]
+    lens: Lens,
+    file_path: PathBuf,
+    transform_matrix: Vec<Vec<f64>>,
+    pl_pos: Option<Vec<f64>>,
+}
+
+/// Whatever is said of a lens, in a file or for a frame.
+#[derive(Clone, Default, Deserialize)]
+struct Lens {
+    camera_angle_x: Option<f64>,
+    camera_angle_y: Option<f64>,
+    /// `[cx, cy, fx, fy]`
+    camera_intrinsics: Option<Vec<f64>>,
+    fl_x: Option<f64>,
+    fl_y: Option<f64>,
+    cx: Option<f64>,
+    cy: Option<f64>,
+    w: Option<f64>,
+    h: Option<f64>,
+    k1: Option<f64>,
+    k2: Option<f64>,
+    k3: Option<f64>,
+    k4: Option<f64>,
+    p1: Option<f64>,
+    p2: Option<f64>,
+}
+
+/// The files of a folder, with the split that each stands for.
+pub(super) fn find(entries: &[(String, PathBuf)]) -> Vec<(PathBuf, Option<Split>)> {
+    let named = |name: &str| Some(entries.iter().find(|(entry, _)| entry == name)?.1.clone());
+    let splits = [("train", Split::Train), ("val", Split::Val), ("test", Split::Easy)];
+    if let Some(whole) = named("transforms.json") {
+        return vec![(whole, None)];
+    }
+    let found: Vec<_> = splits
+        .into_iter()
+        .filter_map(|(name, split)| Some((named(&format!("transforms_{name}.json"))?, Some(split))))
+        .collect();
+    // Without a test the split is ours to draw.
+    let has_test = found.iter().any(|(_, split)| *split == Some(Split::Easy));
+    found.into_iter().map(|(path, split)| (path, split.filter(|_| has_test))).collect()
+}
+
+/// Reads the files.
+pub(super) fn read(root: &Path, found: &[(PathBuf, Option<Split>)], faults: &mut Faults) -> Option<Scene> {
+    let mut reader = Reader { root: root.to_owned(), ..Reader::default() };
+    for (path, split) in found {
+        if let Some(file) = faults.keep(parse_file(path)) {
+            reader.add(path, &file, *split, faults);
+        }
+    }
+    if reader.frames.is_empty() {
+        let path = found.first().map_or(root, |(path, _)| path);
+        let mend = "Every frame needs file_path, transform_matrix and pl_pos.";
+        faults.error(FaultKind::Missing, path, "holds no frame that can be used", mend);
+        return None;
+    }
+    // Cameras and lights first appear without knowing what they look at.
+    let target = focus(&reader.cameras, &reader.lights);
+    for light in &mut reader.lights {
+        light.pose = Pose::look_at(light.pose.position(), target);
+    }
+    let declared = found.iter().all(|(_, split)| split.is_some()).then_some(reader.splits);
+    Some(Scene {
+        name: super::name_of(root),
+        root: root.to_owned(),
+        layout: Layout::Transforms,
+        cameras: reader.cameras,
+        lights: reader.lights,
+        frames: reader.frames,
+        declared,
+    })
+}
+
+fn parse_file(path: &Path) -> Result<File, SceneError> {
+    let text = files::read_text(path, LONGEST)?;
+    parse(&text).map_err(|error| {
+        let mend = "A transforms file is a JSON object with a lens (camera_angle_x, or fl_x, fl_y, cx, cy, w and h) and \
+                    frames, each with file_path, transform_matrix and pl_pos.";
+        SceneError::fault(FaultKind::Malformed, path, format!("is not a transforms file: {error}"), mend)
+    })
+}
+
+fn parse(text: &str) -> Result<File, serde_json::Error> {
+    serde_json::from_str(text)
+}
+
+/// What has been read so far. Equal cameras are one camera, and equal lights one light.
+#[derive(Default)]
+struct Reader {
+    root: PathBuf,
+    cameras: Vec<Camera>,
+    camera_index: HashMap<Vec<u64>, usize>,
+    lights: Vec<Light>,
+    light_index: HashMap<[u64; 3], usize>,
+    frames: Vec<Frame>,
+    pairs: HashMap<(usize, usize), PathBuf>,
+    splits: Splits,
+}
+
+impl Reader {
+    fn add(&mut self, path: &Path, file: &File, split: Option<Split>, faults: &mut Faults) {
+        if let Some(model) = &file.camera_model
+            && !["OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE"]
+                .contains(&model.to_ascii_uppercase().as_str())
+        {
+            let mend = "Undistort the images to a pinhole or OPENCV model first.";
+            faults.error(FaultKind::Lens, path, format!("camera_model {model:?} is not supported"), mend);
+            return;
+        }
+        let mut size = None;
+        for entry in &file.frames {
+            let Some((lens, pose, position, image)) =
+                faults.keep(self.read_entry(path, &file.lens, entry, &mut size))
+            else {
+                continue;
+            };
+            let camera = self.camera(lens, pose);
+            let light = self.light(position);
+            if let Some(other) = self.pairs.insert((camera, light), image.clone()) {
+                let problem = format!("shows the same view under the same light as {}", other.display());
+                faults.warning(FaultKind::Extra, &image, problem, "It is left out: remove one of the two.");
+                self.pairs.insert((camera, light), other);
+                continue;
+            }
+            if let Some(split) = split {
+                self.splits.get_mut(split).push(self.frames.len());
+            }
+            self.frames.push(Frame { camera, light, path: image });
+        }
+    }
+
+    fn read_entry(
+        &self,
+        file: &Path,
+        shared: &Lens,
+        entry: &Entry,
+        size: &mut Option<(u32, u32)>,
+    ) -> Result<(Intrinsics, Pose, [f64; 3], PathBuf), SceneError> {
+        let name = entry.file_path.display();
+        let fault = |kind, problem: String, mend: &str| {
+            Err(SceneError::fault(kind, file, format!("frame {name}: {problem}"), mend))
+        };
+        let mut numbers: Vec<f64> = entry.transform_matrix.iter().take(5).flatten().copied().collect();
+        if numbers.len() == 12 {
+            numbers.extend([0.0, 0.0, 0.0, 1.0]);
+        }
+        let Ok(matrix) = <[f64; 16]>::try_from(numbers) else {
+            return fault(
+                FaultKind::Malformed,
+                "transform_matrix is not 4x4".to_owned(),
+                "Write it as four rows of four.",
+            );
+        };
+        let pose = match Pose::from_matrix(&matrix) {
+            Ok(pose) => pose.flip_camera_axes(),
+            Err(problem) => {
+                return fault(
+                    FaultKind::Pose,
+                    format!("transform_matrix: {problem}"),
+                    pose_file::mend(&problem),
+                );
+            }
+        };
+        let position = match entry.pl_pos.as_deref() {
+            Some(&[x, y, z]) if [x, y, z].iter().all(|v| v.abs() < FARTHEST) => [x, y, z],
+            Some(_) => {
+                return fault(
+                    FaultKind::Malformed,
+                    "pl_pos is not a position".to_owned(),
+                    "Write the point light's x, y and z in the world, metres.",
+                );
+            }
+            None => {
+                return fault(
+                    FaultKind::Missing,
+                    "has no light position (pl_pos)".to_owned(),
+                    "Relighting needs one light at a time: write the point light's x, y and z in the world for each frame.",
+                );
+            }
+        };
+        let image = self.find_image(&entry.file_path)?;
+        let lens = entry.lens.over(shared);
+        if let (None, None) = (*size, lens.size()) {
+            *size = Some(read_size(&image)?);
+        }
+        match lens.intrinsics(*size) {
+            Ok(intrinsics) => Ok((intrinsics, pose, position, image)),
+            Err(problem) => {
+                let mend = "State camera_angle_x (radians), or fl_x, fl_y, cx, cy, w and h in pixels.";
+                fault(FaultKind::Lens, problem, mend)
+            }
+        }
+    }
+
+    /// The image file, whose extension may have been left out.
+    fn find_image(&self, file_path: &Path) -> Result<PathBuf, SceneError> {
+        let path = self.root.join(file_path);
+        if path.is_file() {
+            return Ok(path);
+        }
+        let with = |extension: &str| {
+            let mut name = path.clone().into_os_string();
+            name.push(".");
+            name.push(extension);
+            PathBuf::from(name)
+        };
+        EXTENSIONS.iter().map(|extension| with(extension)).find(|path| path.is_file()).ok_or_else(|| {
+            let mend = "Images are PNG, JPEG or WebP files, named relative to the folder: fetch the file, or convert it if \
+                        it is of another format.";
+            SceneError::fault(FaultKind::Missing, &path, "is missing", mend)
+        })
+    }
+
+    fn camera(&mut self, intrinsics: Intrinsics, pose: Pose) -> usize {
+        let Intrinsics { width, height, fx, fy, cx, cy, distortion } = &intrinsics;
+        let numbers = [fx, fy, cx, cy].into_iter().chain(distortion).chain(pose.0.iter().flatten());
+        let size = [u64::from(*width), u64::from(*height)];
+        let key = size.into_iter().chain(numbers.map(|number| number.to_bits())).collect();
+        let label = self.cameras.len();
+        *self.camera_index.entry(key).or_insert_with(|| {
+            self.cameras.push(Camera { label, intrinsics, pose });
+            label
+        })
+    }
+
+    fn light(&mut self, position: [f64; 3]) -> usize {
+        let label = self.lights.len();
+        *self.light_index.entry(position.map(f64::to_bits)).or_insert_with(|| {
+            let [x, y, z] = position;
+            let pose = Pose([[1.0, 0.0, 0.0, x], [0.0, 1.0, 0.0, y], [0.0, 0.0, 1.0, z]]);
+            self.lights.push(Light { label, pose });
+            label
+        })
+    }
+}
+
+impl Lens {
+    /// This lens where it says something, else the shared one.
+    fn over(&self, shared: &Lens) -> Lens {
+        let (mine, all) = (self.clone(), shared.clone());
+        // A frame's own focal length must not be overruled by the file's other way of stating one.
+        let own_focal =
+            mine.camera_intrinsics.is_some() || mine.fl_x.is_some() || mine.camera_angle_x.is_some();
+        let focal = if own_focal { &mine } else { &all };
+        Lens {
+            camera_angle_x: focal.camera_angle_x,
+            camera_angle_y: focal.camera_angle_y,
+            camera_intrinsics: focal.camera_intrinsics.clone(),
+            fl_x: focal.fl_x,
+            fl_y: focal.fl_y,
+            cx: mine.cx.or(all.cx),
+            cy: mine.cy.or(all.cy),
+            w: mine.w.or(all.w),
+            h: mine.h.or(all.h),
+            k1: mine.k1.or(all.k1),
+            k2: mine.k2.or(all.k2),
+            k3: mine.k3.or(all.k3),
+            k4: mine.k4.or(all.k4),
+            p1: mine.p1.or(all.p1),
+            p2: mine.p2.or(all.p2),
+        }
+    }
+
+    /// The image size, if it is stated.
+    fn size(&self) -> Option<(f64, f64)> {
+        Some((self.w?, self.h?))
+    }
+
+    /// The lens, over images of the given size if it states none itself.
+    fn intrinsics(&self, size: Option<(u32, u32)>) -> Result<Intrinsics, String> {
+        let size = self.size().or(size.map(|(w, h)| (f64::from(w), f64::from(h))));
+        let (w, h) = size.ok_or("has no image size (w, h)")?;
+        let pixels =
+            |n: f64| (n.fract() == 0.0 && (1.0..=f64::from(LONGEST_SIDE)).contains(&n)).then_some(n as u32);
+        let (Some(width), Some(height)) = (pixels(w), pixels(h)) else {
+            return Err(format!(
+                "the image size {w} x {h} is not a whole number of 1 to {LONGEST_SIDE} pixels a side"
+            ));
+        };
+        if self.k4.is_some_and(|k4| k4 != 0.0) {
+            return Err("k4 belongs to a fisheye lens, which is not supported".to_owned());
+        }
+        let from_angle =
+            |side: f64, angle: f64| (angle > 0.0 && angle < PI).then(|| side / 2.0 / (angle / 2.0).tan());
+        let (fx, fy, cx, cy) = match (self.camera_intrinsics.as_deref(), self.fl_x, self.camera_angle_x) {
+            (Some(&[cx, cy, fx, fy]), ..) => (fx, fy, Some(cx), Some(cy)),
+            (Some(_), ..) => return Err("camera_intrinsics is not [cx, cy, fx, fy]".to_owned()),
+            (None, Some(fx), _) => (fx, self.fl_y.unwrap_or(fx), self.cx, self.cy),
+            (None, None, Some(angle)) => {
+                let fx =
+                    from_angle(w, angle).ok_or("camera_angle_x is not an angle between 0 and pi radians")?;
+                let fy = self.camera_angle_y.and_then(|angle| from_angle(h, angle));
+                (fx, fy.unwrap_or(fx), self.cx, self.cy)
+            }
+            (None, None, None) => return Err("has no focal length".to_owned()),
+        };
+        let coefficient = |k: Option<f64>| k.unwrap_or(0.0);
+        let distortion = [self.k1, self.k2, self.p1, self.p2, self.k3].map(coefficient).to_vec();
+        let lens = Intrinsics {
+            width,
+            height,
+            fx,
+            fy,
+            // From the corner of the image to the centre of its first pixel.
+            cx: cx.unwrap_or(w / 2.0) - 0.5,
+            cy: cy.unwrap_or(h / 2.0) - 0.5,
+            distortion: if distortion.iter().all(|&k| k == 0.0) { Vec::new() } else { distortion },
+        };
+        lens.fault().map_or(Ok(lens), Err)
+    }
+}
