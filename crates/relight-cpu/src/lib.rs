@@ -1,1 +1,24 @@
-//! TODO
+//! The fast CPU engine.
+//!
+//! A step goes through the phases of the reference engine under the same names: [`march`] places samples,
+//! [`hash_grid`] encodes them, [`tile`] runs networks and compositing forward and backward while they are in cache
+//! ([`shade`] being the colour and visibility half), [`hash_grid`] and [`adam`] optimise, [`density_grid`] learns
+//! where to march. Every result is the same for any number of threads.
+
+pub mod adam;
+pub mod composite;
+pub mod dense;
+pub mod density_grid;
+mod draw;
+mod engine;
+pub mod harmonics;
+pub mod hash_grid;
+pub mod march;
+pub mod mlp;
+pub mod networks;
+pub mod pool;
+pub mod samples;
+pub mod shade;
+pub mod tile;
+
+pub use engine::CpuEngine;

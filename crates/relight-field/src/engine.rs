@@ -153,6 +153,12 @@ pub trait Engine: Send {
     /// the step. [`EngineError::Shape`] if the batch contradicts itself.
     fn train_step(&mut self, batch: &RayBatch, settings: &StepSettings) -> Result<StepStats, EngineError>;
 
+    /// Tells the engine where surfaces are expected before it knows any itself: world positions, metres. A hint
+    /// for placing samples; engines that need none ignore it.
+    fn expect_surfaces(&mut self, points: &[[f32; 3]]) {
+        let _ = points;
+    }
+
     /// Draws rays under one light.
     ///
     /// # Errors

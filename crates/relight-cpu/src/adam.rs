@@ -1,0 +1,73 @@
+//! Adam (Kingma and Ba 2015), for the networks densely and for single grid entries.
+
+/// Decay of the first moment.
+pub const BETA1: f32 = 0.9;
+/// Decay of the second moment; torch's default, as the paper says.
+pub const BETA2: f32 = 0.999;
+/// Keeps the division finite; torch-ngp's value.
+pub const EPSILON: f32 = 1e-15;
+
+/// `1 / (1 - beta1^n)` and `1 / (1 - beta2^n)` for the `n`-th update, computed once: grid entries each have their
+/// own `n`.
+pub struct BiasCorrection {
+    table: Vec<(f32, f32)>,
+}
+
+impl BiasCorrection {
+    /// Updates after which both corrections differ from 1 by less than single precision shows.
+    const LENGTH: i32 = 1 << 14;
+
+    /// Corrections of update `n`, counted from 1.
+    pub fn at(&self, n: u32) -> (f32, f32) {
+        self.table.get(n as usize - 1).copied().unwrap_or((1.0, 1.0))
+    }
+}
+
+impl Default for BiasCorrection {
+    fn default() -> Self {
+        let correction = |beta: f32, n: i32| (1.0 / (1.0 - f64::from(beta).powi(n))) as f32;
+        Self { table: (1..=Self::LENGTH).map(|n| (correction(BETA1, n), correction(BETA2, n))).collect() }
+    }
+}
+
+/// One update of one weight.
+#[inline(always)]
+pub fn update(weight: &mut f32, m: &mut f32, v: &mut f32, g: f32, rate: f32, (c1, c2): (f32, f32)) {
+    *m = BETA1 * *m + (1.0 - BETA1) * g;
+    *v = BETA2 * *v + (1.0 - BETA2) * g * g;
+    *weight -= rate * (*m * c1) / ((*v * c2).sqrt() + EPSILON);
+}
+
+/// Moments of a network's weights.
+#[derive(Clone, Default)]
+pub struct Moments {
+    /// First moments.
+    pub m: Vec<f32>,
+    /// Second moments.
+    pub v: Vec<f32>,
+    /// Updates so far.
+    pub updates: u32,
+}
+
+impl Moments {
+    /// Zero moments of `n` weights.
+    pub fn new(n: usize) -> Self {
+        Self { m: vec![0.0; n], v: vec![0.0; n], updates: 0 }
+    }
+
+    /// One update of all weights.
+    pub fn step<'a>(
+        &mut self,
+        weights: impl Iterator<Item = &'a mut f32>,
+        gradient: &[f32],
+        rate: f32,
+        correction: &BiasCorrection,
+    ) {
+        self.updates += 1;
+        let c = correction.at(self.updates);
+        let moments = self.m.iter_mut().zip(&mut self.v);
+        for ((w, &g), (m, v)) in weights.zip(gradient).zip(moments) {
+            update(w, m, v, g, rate, c);
+        }
+    }
+}

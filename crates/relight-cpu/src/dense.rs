@@ -1,0 +1,303 @@
+//! Dense layers on tiles of samples.
+//!
+//! Activations are stored feature by feature, `[feature][column]`, so that a vector register holds one feature of
+//! neighbouring samples: rectifiers, masks and encodings need no shuffles, and a layer is a product of a small
+//! matrix with a wide one. Two products are all that a network needs: [`multiply`] (forward and input gradient) and
+//! [`accumulate_outer`] (weight gradient). Both keep a block of results in registers while they run over the sum.
+
+use fearless_simd::{Level, Simd, dispatch, prelude::*};
+
+/// Columns of a tile are padded to a multiple of this, the widest vector register in use.
+pub const COLUMN_ALIGN: usize = 16;
+
+/// Vectors of columns that one register block of [`multiply`] spans.
+const BLOCK_VECTORS: usize = 3;
+
+/// Rounds a number of columns up to [`COLUMN_ALIGN`].
+pub const fn padded(columns: usize) -> usize {
+    columns.next_multiple_of(COLUMN_ALIGN)
+}
+
+/// What happens to a product on its way to memory.
+#[derive(Clone, Copy)]
+pub enum Store<'a> {
+    /// It replaces what was there.
+    Set,
+    /// It replaces what was there, negative values as zero.
+    Rectified,
+    /// It replaces what was there, as zero wherever this array (laid out like the result) is not positive: the
+    /// derivative of a rectifier with these outputs.
+    WherePositive(&'a [f32]),
+}
+
+/// Some columns of a small row-major matrix.
+#[derive(Clone, Copy)]
+pub struct Matrix<'a> {
+    /// The whole matrix.
+    pub data: &'a [f32],
+    /// Its columns.
+    pub stride: usize,
+    /// First column in use.
+    pub first: usize,
+}
+
+/// `y[m][c] = sum_k a[k][m] * x[k][c]` for `outputs` rows `m` and `columns` columns `c`.
+///
+/// `a` has `inputs` rows and at least `outputs` columns; `x` and `y` have rows of `columns` numbers, a multiple of
+/// [`COLUMN_ALIGN`]. With the transposed weights as `a` this is a layer; with the weights as they are stored, its
+/// input gradient, or that of some of its inputs.
+pub fn multiply(
+    level: Level,
+    a: Matrix<'_>,
+    x: &[f32],
+    y: &mut [f32],
+    (inputs, outputs, columns): (usize, usize, usize),
+    store: Store<'_>,
+) {
+    debug_assert!(columns.is_multiple_of(COLUMN_ALIGN) && a.first + outputs <= a.stride);
+    let a = Matrix { data: &a.data[..inputs * a.stride], ..a };
+    let (x, y) = (&x[..inputs * columns], &mut y[..outputs * columns]);
+    dispatch!(level, simd => multiply_simd(simd, a, x, y, outputs, columns, store));
+}
+
+#[inline(always)]
+fn multiply_simd<S: Simd>(
+    simd: S,
+    a: Matrix<'_>,
+    x: &[f32],
+    y: &mut [f32],
+    outputs: usize,
+    columns: usize,
+    store: Store<'_>,
+) {
+    let wide = BLOCK_VECTORS * S::f32s::LEN;
+    let mut c = 0;
+    while c + wide <= columns {
+        multiply_columns::<S, BLOCK_VECTORS>(simd, a, x, y, outputs, columns, c, store);
+        c += wide;
+    }
+    while c < columns {
+        multiply_columns::<S, 1>(simd, a, x, y, outputs, columns, c, store);
+        c += S::f32s::LEN;
+    }
+}
+
+/// All rows of the columns from `c` on that `V` vectors hold.
+#[inline(always)]
+#[allow(clippy::too_many_arguments)]
+fn multiply_columns<S: Simd, const V: usize>(
+    simd: S,
+    a: Matrix<'_>,
+    x: &[f32],
+    y: &mut [f32],
+    outputs: usize,
+    columns: usize,
+    c: usize,
+    store: Store<'_>,
+) {
+    let mut m = 0;
+    // 32 registers hold a block twice as high as 16 do.
+    if S::f32s::LEN >= 16 {
+        while m + 8 <= outputs {
+            multiply_block::<S, 8, V>(simd, a, x, y, columns, (m, c), store);
+            m += 8;
+        }
+    }
+    while m + 4 <= outputs {
+        multiply_block::<S, 4, V>(simd, a, x, y, columns, (m, c), store);
+        m += 4;
+    }
+    while m < outputs {
+        multiply_block::<S, 1, V>(simd, a, x, y, columns, (m, c), store);
+        m += 1;
+    }
+}
+
+/// An `M` by `V` block of vectors of the product, held in registers over the whole sum.
+#[inline(always)]
+#[allow(clippy::too_many_arguments)]
+fn multiply_block<S: Simd, const M: usize, const V: usize>(
+    simd: S,
+    a: Matrix<'_>,
+    x: &[f32],
+    y: &mut [f32],
+    columns: usize,
+    (m, c): (usize, usize),
+    store: Store<'_>,
+) {
+    let lanes = S::f32s::LEN;
+    let first = a.first + m;
+    let mut sum = [[S::f32s::splat(simd, 0.0); V]; M];
+    for (a, x) in a.data.chunks_exact(a.stride).zip(x.chunks_exact(columns)) {
+        let a = &a[first..first + M];
+        let x = &x[c..c + V * lanes];
+        let mut v = [S::f32s::splat(simd, 0.0); V];
+        for (v, x) in v.iter_mut().zip(x.chunks_exact(lanes)) {
+            *v = S::f32s::from_slice(simd, x);
+        }
+        for i in 0..M {
+            let a = S::f32s::splat(simd, a[i]);
+            for j in 0..V {
+                sum[i][j] = a.mul_add(v[j], sum[i][j]);
+            }
+        }
+    }
+    let zero = S::f32s::splat(simd, 0.0);
+    for (i, row) in sum.iter().enumerate() {
+        let start = (m + i) * columns + c;
+        for (j, &value) in row.iter().enumerate() {
+            let at = start + j * lanes;
+            let value = match store {
+                Store::Set => value,
+                Store::Rectified => value.max(zero),
+                Store::WherePositive(activation) => {
+                    let positive = S::f32s::from_slice(simd, &activation[at..at + lanes]).simd_gt(zero);
+                    positive.select(value, zero)
+                }
+            };
+            value.store_slice(&mut y[at..at + lanes]);
+        }
+    }
+}
+
+/// `w[m][k] += sum_c dy[m][c] * x[k][c]`: the weight gradient of a layer with inputs `x` and output gradients `dy`.
+///
+/// `w` is `[outputs][inputs]`; `x` and `dy` have rows of `columns` numbers, a multiple of [`COLUMN_ALIGN`].
+pub fn accumulate_outer(
+    level: Level,
+    dy: &[f32],
+    x: &[f32],
+    w: &mut [f32],
+    (inputs, outputs, columns): (usize, usize, usize),
+) {
+    debug_assert!(columns.is_multiple_of(COLUMN_ALIGN));
+    let (dy, x) = (&dy[..outputs * columns], &x[..inputs * columns]);
+    let w = &mut w[..outputs * inputs];
+    dispatch!(level, simd => outer_simd(simd, dy, x, w, inputs, columns));
+}
+
+#[inline(always)]
+fn outer_simd<S: Simd>(simd: S, dy: &[f32], x: &[f32], w: &mut [f32], inputs: usize, columns: usize) {
+    let tall = 4;
+    let full = dy.len() / (tall * columns) * tall;
+    let (dy_full, dy_rest) = dy.split_at(full * columns);
+    let (w_full, w_rest) = w.split_at_mut(full * inputs);
+    for (dy, w) in dy_full.chunks_exact(tall * columns).zip(w_full.chunks_exact_mut(tall * inputs)) {
+        outer_rows::<S, 4>(simd, dy, x, w, inputs, columns);
+    }
+    for (dy, w) in dy_rest.chunks_exact(columns).zip(w_rest.chunks_exact_mut(inputs)) {
+        outer_rows::<S, 1>(simd, dy, x, w, inputs, columns);
+    }
+}
+
+/// `M` rows of the gradient, two columns of it at a time.
+#[inline(always)]
+fn outer_rows<S: Simd, const M: usize>(
+    simd: S,
+    dy: &[f32],
+    x: &[f32],
+    w: &mut [f32],
+    inputs: usize,
+    columns: usize,
+) {
+    let mut k = 0;
+    while k + 2 <= inputs {
+        outer_block::<S, M, 2>(simd, dy, &x[k * columns..(k + 2) * columns], w, inputs, columns, k);
+        k += 2;
+    }
+    if k < inputs {
+        outer_block::<S, M, 1>(simd, dy, &x[k * columns..(k + 1) * columns], w, inputs, columns, k);
+    }
+}
+
+/// An `M` by `K` block of the gradient: lane-wise sums in registers, added up at the end.
+#[inline(always)]
+fn outer_block<S: Simd, const M: usize, const K: usize>(
+    simd: S,
+    dy: &[f32],
+    x: &[f32],
+    w: &mut [f32],
+    inputs: usize,
+    columns: usize,
+    k: usize,
+) {
+    let lanes = S::f32s::LEN;
+    let mut sum = [[S::f32s::splat(simd, 0.0); K]; M];
+    let dy: [&[f32]; M] = std::array::from_fn(|i| &dy[i * columns..(i + 1) * columns]);
+    let x: [&[f32]; K] = std::array::from_fn(|j| &x[j * columns..(j + 1) * columns]);
+    let mut c = 0;
+    while c + lanes <= columns {
+        let v: [S::f32s; K] = std::array::from_fn(|j| S::f32s::from_slice(simd, &x[j][c..c + lanes]));
+        for i in 0..M {
+            let d = S::f32s::from_slice(simd, &dy[i][c..c + lanes]);
+            for j in 0..K {
+                sum[i][j] = d.mul_add(v[j], sum[i][j]);
+            }
+        }
+        c += lanes;
+    }
+    for i in 0..M {
+        for j in 0..K {
+            w[i * inputs + k + j] += sum[i][j].reduce_sum();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn numbers(n: usize, seed: u32) -> Vec<f32> {
+        (0..n as u32)
+            .map(|i| ((i.wrapping_mul(2654435761).wrapping_add(seed)) >> 8) as f32 / 1.7e7 - 0.5)
+            .collect()
+    }
+
+    const SHAPES: [(usize, usize, usize); 5] =
+        [(64, 64, 192), (32, 64, 16), (64, 3, 48), (79, 64, 208), (5, 1, 32)];
+
+    #[test]
+    fn multiply_equals_plain_sums() {
+        for (inputs, outputs, columns) in SHAPES {
+            let (stride, first) = (outputs + 3, 2);
+            let (a, x) = (numbers(inputs * stride, 1), numbers(inputs * columns, 2));
+            let mask = numbers(outputs * columns, 3);
+            let mut y = vec![f32::NAN; outputs * columns];
+            for store in [Store::Set, Store::Rectified, Store::WherePositive(&mask)] {
+                let matrix = Matrix { data: &a, stride, first };
+                multiply(Level::new(), matrix, &x, &mut y, (inputs, outputs, columns), store);
+                for m in 0..outputs {
+                    for c in 0..columns {
+                        let plain: f32 =
+                            (0..inputs).map(|k| a[k * stride + first + m] * x[k * columns + c]).sum();
+                        let plain = match store {
+                            Store::Set => plain,
+                            Store::Rectified => plain.max(0.0),
+                            Store::WherePositive(_) if mask[m * columns + c] > 0.0 => plain,
+                            Store::WherePositive(_) => 0.0,
+                        };
+                        let got = y[m * columns + c];
+                        assert!((got - plain).abs() < 1e-4, "{m} {c}: {got} is not {plain}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn outer_adds_plain_sums() {
+        for (inputs, outputs, columns) in SHAPES {
+            let (dy, x) = (numbers(outputs * columns, 1), numbers(inputs * columns, 2));
+            let before = numbers(inputs * outputs, 3);
+            let mut w = before.clone();
+            accumulate_outer(Level::new(), &dy, &x, &mut w, (inputs, outputs, columns));
+            for m in 0..outputs {
+                for k in 0..inputs {
+                    let plain: f32 = (0..columns).map(|c| dy[m * columns + c] * x[k * columns + c]).sum();
+                    let got = w[m * inputs + k] - before[m * inputs + k];
+                    assert!((got - plain).abs() < 1e-3, "{m} {k}: {got} is not {plain}");
+                }
+            }
+        }
+    }
+}

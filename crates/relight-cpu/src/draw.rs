@@ -1,0 +1,164 @@
+//! Pictures and single points: the forward half of a step.
+
+use rayon::prelude::*;
+use relight_field::architecture::LightInput;
+use relight_field::engine::{EngineError, FieldValues, Outputs, Points, Rays, Samples};
+use relight_field::sampling::{Sampling, Shading};
+
+use crate::dense::padded;
+use crate::hash_grid::TiledPositions;
+use crate::samples::{Jitter, Marcher, SampleBatch};
+use crate::shade::{CodedLight, Point};
+use crate::tile::Workspace;
+
+/// Rays that are marched and encoded together.
+const BLOCK_RAYS: usize = 2048;
+/// Columns a tile aims at.
+const TILE_COLUMNS: usize = 192;
+/// Points of a query that are evaluated together.
+const QUERY_POINTS: usize = 192;
+
+/// Draws rays under one light.
+pub fn draw(
+    marcher: &Marcher<'_>,
+    sampling: Sampling,
+    shading: Shading,
+    rays: &Rays,
+    light: &CodedLight,
+    outputs: Outputs,
+) -> Result<Samples, EngineError> {
+    let n = rays.origins.len();
+    if rays.directions.len() != n {
+        return Err(EngineError::Shape("origins and directions differ in number".into()));
+    }
+    let blocks: Vec<Samples> = (0..n.div_ceil(BLOCK_RAYS))
+        .into_par_iter()
+        .map_init(SampleBatch::default, |batch, block| {
+            let range = block * BLOCK_RAYS..((block + 1) * BLOCK_RAYS).min(n);
+            let rays = Rays {
+                origins: rays.origins[range.clone()].to_vec(),
+                directions: rays.directions[range].to_vec(),
+            };
+            draw_block(marcher, batch, sampling, shading, &rays, light, outputs)
+        })
+        .collect();
+    let mut all = Samples::default();
+    for block in blocks {
+        all.colour.extend(block.colour);
+        all.visibility.extend(block.visibility);
+        all.reflectance.extend(block.reflectance);
+        all.depth.extend(block.depth);
+        all.opacity.extend(block.opacity);
+    }
+    Ok(all)
+}
+
+fn draw_block(
+    marcher: &Marcher<'_>,
+    batch: &mut SampleBatch,
+    sampling: Sampling,
+    shading: Shading,
+    rays: &Rays,
+    light: &CodedLight,
+    outputs: Outputs,
+) -> Samples {
+    let samples = match sampling {
+        Sampling::Guided { samples } => samples,
+        Sampling::Stratified { coarse, fine } => coarse + fine,
+    };
+    batch.fill(marcher, rays, sampling, (TILE_COLUMNS / samples).max(1), Jitter(None));
+    let with_visibility = outputs.visibility && marcher.networks.vis.is_some();
+    let mut results = Samples::default();
+    marcher.workspaces.with(Workspace::default, |workspace| {
+        for tile in 0..batch.tiles(rays) {
+            let here = batch.tile(marcher, rays, tile);
+            workspace.forward(marcher.simd, marcher.networks, shading, &here, 1, |_, _| light);
+            results.colour.extend(&workspace.colours);
+            results.depth.extend(&workspace.depths);
+            let n = here.origins.len();
+            let last = |r: usize| workspace.weights[(r + 1) * samples - 1];
+            results.opacity.extend((0..n).map(|r| 1.0 - last(r)));
+            let shader = &workspace.shader;
+            let columns = shader.columns();
+            if with_visibility {
+                let start = results.visibility.len();
+                results.visibility.resize(start + n, 0.0);
+                for (point, &visibility) in shader.points.iter().zip(&shader.visibility) {
+                    results.visibility[start + point.ray] += point.weight * visibility;
+                }
+            }
+            if outputs.reflectance {
+                let start = results.reflectance.len();
+                results.reflectance.resize(start + n, [0.0; 3]);
+                for (q, point) in shader.points.iter().enumerate() {
+                    for (channel, value) in results.reflectance[start + point.ray].iter_mut().enumerate() {
+                        *value += point.weight * shader.colour[channel * columns + q];
+                    }
+                }
+            }
+        }
+    });
+    results
+}
+
+/// The field at points.
+pub fn query(
+    marcher: &Marcher<'_>,
+    points: &Points,
+    light: Option<&CodedLight>,
+) -> Result<FieldValues, EngineError> {
+    let n = points.positions.len();
+    if points.directions.len() != n {
+        return Err(EngineError::Shape("positions and directions differ in number".into()));
+    }
+    let networks = marcher.networks;
+    let architecture = networks.architecture;
+    let nowhere = CodedLight { position: [0.0; 3], code: Vec::new() };
+    let needed = architecture.light != LightInput::None || architecture.visibility;
+    let light = match light {
+        None if needed => return Err(EngineError::Shape("this field needs a light".into())),
+        light => light.unwrap_or(&nowhere),
+    };
+    let columns = padded(QUERY_POINTS);
+    let mut values =
+        FieldValues { visibility: networks.vis.is_some().then(Vec::new), ..FieldValues::default() };
+    let mut workspace = Workspace::default();
+    let mut positions = vec![0.0; 3 * columns];
+    let mut features = vec![0.0; networks.features * columns];
+    let chunks = points.positions.chunks(QUERY_POINTS).zip(points.directions.chunks(QUERY_POINTS));
+    for (world, directions) in chunks {
+        positions.fill(0.5);
+        for (i, &p) in world.iter().enumerate() {
+            for (axis, u) in marcher.cube.map(p).into_iter().enumerate() {
+                positions[axis * columns + i] = u.clamp(0.0, 1.0);
+            }
+        }
+        marcher.grid.encode(marcher.simd, TiledPositions { data: &positions, columns }, &mut features);
+        workspace.densities(marcher.simd, networks, &features, columns);
+        for (&p, &density) in world.iter().zip(&workspace.density) {
+            let inside = marcher.cube.map(p).iter().all(|u| (0.0..=1.0).contains(u));
+            values.density.push(if inside { density } else { 0.0 });
+        }
+        let mut shader = std::mem::take(&mut workspace.shader);
+        shader.points.clear();
+        shader.points.extend(world.iter().enumerate().map(|(ray, &position)| Point {
+            ray,
+            position,
+            weight: 1.0,
+        }));
+        shader.features.clear();
+        let rows = features.chunks_exact(columns).chain(workspace.embeddings(columns).chunks_exact(columns));
+        shader.features.extend(rows.flat_map(|row| &row[..world.len()]));
+        shader.forward(marcher.simd, networks, directions, 1, |_, _| light);
+        let width = shader.columns();
+        for i in 0..world.len() {
+            let o = shader.visibility[i];
+            values.rgb.push([0, 1, 2].map(|channel| o * shader.colour[channel * width + i]));
+            if let Some(visibility) = &mut values.visibility {
+                visibility.push(o);
+            }
+        }
+        workspace.shader = shader;
+    }
+    Ok(values)
+}

@@ -1,0 +1,425 @@
+//! The engine: what a step and a picture are made of.
+
+use fearless_simd::Level;
+use rayon::prelude::*;
+use relight_field::architecture::LightInput;
+use relight_field::encoding::fourier;
+use relight_field::engine::{
+    Engine, EngineError, EngineState, FieldValues, LightPose, Outputs, Points, RayBatch, Rays,
+    RenderSettings, Samples, StateTensor, StepSettings, StepStats,
+};
+use relight_field::parameters::{FieldConfig, Parameters};
+use relight_field::random::Random;
+use relight_field::sampling::{EngineConfig, Sampling, Shading};
+
+use crate::adam::{BiasCorrection, Moments};
+use crate::density_grid::DensityGrid;
+use crate::hash_grid::HashGrid;
+use crate::march::UnitCube;
+use crate::networks::{Gradients, Networks};
+use crate::pool::Pool;
+use crate::samples::{Jitter, Marcher, SampleBatch};
+use crate::shade::CodedLight;
+use crate::tile::{Regularisers, Workspace};
+
+/// Cells an axis of the density grid.
+const DENSITY_RESOLUTION: usize = 256;
+/// Steps between two decays of the density grid, and the factor.
+const DENSITY_DECAY: (u64, f32) = (16, 0.95);
+/// Columns that a tile aims at: few enough for its activations to stay in the second-level cache, enough to fill
+/// the registers.
+const TILE_COLUMNS: usize = 192;
+/// Partial sums of the network gradients. Their number, and so every sum, is the same for any number of threads.
+const LANES: usize = 32;
+
+/// The fast CPU engine.
+pub struct CpuEngine {
+    config: EngineConfig,
+    field: FieldConfig,
+    simd: Level,
+    cube: UnitCube,
+    pub(crate) grid: HashGrid,
+    networks: Networks,
+    moments: [Moments; 3],
+    correction: BiasCorrection,
+    density: DensityGrid,
+    batch: SampleBatch,
+    feature_gradients: Vec<f32>,
+    /// Densities at the columns of the batch, for the density grid.
+    densities: Vec<f32>,
+    lanes: Vec<Lane>,
+    workspaces: Pool<Workspace>,
+}
+
+/// One partial sum of a step.
+struct Lane {
+    gradients: Gradients,
+    sums: Sums,
+}
+
+/// Sums over the rays of a lane.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    squared_error: f64,
+    depth_penalty: f64,
+    distortion: f64,
+    depth_spread: f64,
+}
+
+impl CpuEngine {
+    /// An engine for a field.
+    ///
+    /// # Errors
+    /// [`EngineError::Shape`] if the parameters contradict their configuration, or ask for more than two samples
+    /// cannot hold.
+    pub fn new(parameters: &Parameters, config: EngineConfig) -> Result<Self, EngineError> {
+        parameters.validate().map_err(|e| EngineError::Shape(e.to_string()))?;
+        let samples = match config.sampling {
+            Sampling::Guided { samples } => samples,
+            Sampling::Stratified { coarse, .. } => coarse,
+        };
+        if samples < 2 {
+            return Err(EngineError::Shape("a ray needs at least two samples".into()));
+        }
+        let field = parameters.config.clone();
+        let networks = Networks::new(parameters);
+        let gradients = networks.gradients();
+        let lanes =
+            (0..LANES).map(|_| Lane { gradients: gradients.clone(), sums: Sums::default() }).collect();
+        Ok(Self {
+            config,
+            simd: Level::new(),
+            cube: UnitCube::new(&field.bounds),
+            grid: HashGrid::new(&field.grid, &parameters.table),
+            moments: gradients.parts().map(|g| Moments::new(g.len())),
+            networks,
+            correction: BiasCorrection::default(),
+            density: DensityGrid::uniform(field.bounds, DENSITY_RESOLUTION, field.density_scale),
+            batch: SampleBatch::default(),
+            feature_gradients: Vec::new(),
+            densities: Vec::new(),
+            lanes,
+            workspaces: Pool::default(),
+            field,
+        })
+    }
+
+    fn marcher(&self) -> Marcher<'_> {
+        Marcher {
+            cube: self.cube,
+            density: &self.density,
+            grid: &self.grid,
+            networks: &self.networks,
+            simd: self.simd,
+            workspaces: &self.workspaces,
+        }
+    }
+
+    fn code_light(&self, pose: &LightPose) -> CodedLight {
+        let code = match self.field.architecture.light {
+            LightInput::Pose => fourier::encode(&pose.0).to_vec(),
+            LightInput::None | LightInput::Direction => Vec::new(),
+        };
+        CodedLight { position: pose.position(), code }
+    }
+
+    /// Rays a tile, so that neither samples nor pairs are many more than [`TILE_COLUMNS`].
+    fn tile_rays(&self, samples: usize, lights: usize) -> usize {
+        let columns = match self.config.shading {
+            Shading::Deferred => samples.max(lights),
+            Shading::PerSample => samples.max(samples * lights / 2),
+        };
+        (TILE_COLUMNS / columns).max(1)
+    }
+
+    /// Forward and backward over all tiles; leaves gradients in the lanes and in `feature_gradients`.
+    fn tiles(&mut self, batch: &RayBatch, settings: &StepSettings) {
+        let (rays, lights) = (&batch.rays, batch.lights_per_ray);
+        let coded: Vec<CodedLight> = batch.lights.iter().map(|l| self.code_light(l)).collect();
+        let n = rays.origins.len();
+        let tiles = self.batch.tiles(rays);
+        let columns = self.batch.columns;
+        let tile_size = self.networks.features * columns;
+        let mut lanes = std::mem::take(&mut self.lanes);
+        let mut feature_gradients = std::mem::take(&mut self.feature_gradients);
+        feature_gradients.resize(tiles * tile_size, 0.0);
+        let mut densities = std::mem::take(&mut self.densities);
+        densities.resize(tiles * columns, 0.0);
+        let per_lane = tiles.div_ceil(LANES).max(1);
+        let marcher = self.marcher();
+        let (simd, shading, samples) = (self.simd, self.config.shading, &self.batch);
+        let scale = 2.0 / (3 * n * lights) as f32;
+        // Lanes beyond the last tile only have their sums cleared.
+        for lane in &mut lanes {
+            lane.gradients.clear();
+            lane.sums = Sums::default();
+        }
+        let gradients = feature_gradients.par_chunks_mut(per_lane * tile_size);
+        let work = gradients.zip(densities.par_chunks_mut(per_lane * columns)).zip(&mut lanes);
+        work.enumerate().with_max_len(1).for_each(|(i, ((gradients, densities), lane))| {
+            self.workspaces.with(Workspace::default, |workspace| {
+                let mut colour_gradient = Vec::new();
+                let outputs = gradients.chunks_exact_mut(tile_size).zip(densities.chunks_exact_mut(columns));
+                for (tile, (gradient, densities)) in (i * per_lane..).zip(outputs) {
+                    let range = samples.range(rays, tile);
+                    let first = range.start * lights;
+                    let rays_here = samples.tile(&marcher, rays, tile);
+                    let light =
+                        |r: usize, l: usize| &coded[batch.light_index[first + r * lights + l] as usize];
+                    workspace.forward(simd, marcher.networks, shading, &rays_here, lights, light);
+                    colour_gradient.clear();
+                    let truth = &batch.colours[first..range.end * lights];
+                    for (colour, truth) in workspace.colours.iter().zip(truth) {
+                        let difference: [f32; 3] = std::array::from_fn(|c| colour[c] - truth[c]);
+                        lane.sums.squared_error += difference.iter().map(|d| f64::from(d * d)).sum::<f64>();
+                        colour_gradient.push(difference.map(|d| scale * d));
+                    }
+                    let regularisers = Regularisers {
+                        depths: if batch.depths.is_empty() { &[] } else { &batch.depths[range] },
+                        depth_weight: settings.depth_weight / n as f32,
+                        depth_margin: settings.depth_margin,
+                        distortion_weight: settings.distortion_weight / n as f32,
+                        edge: marcher.cube.edge,
+                    };
+                    densities.copy_from_slice(&workspace.density);
+                    lane.sums.depth_spread += depth_spread(workspace, &rays_here);
+                    let (penalty, distortion) = workspace.backward(
+                        simd,
+                        marcher.networks,
+                        shading,
+                        &rays_here,
+                        lights,
+                        &colour_gradient,
+                        &regularisers,
+                        &mut lane.gradients,
+                        gradient,
+                    );
+                    lane.sums.depth_penalty += f64::from(penalty);
+                    lane.sums.distortion += f64::from(distortion);
+                }
+            });
+        });
+        self.lanes = lanes;
+        self.feature_gradients = feature_gradients;
+        self.densities = densities;
+    }
+
+    /// Shows the density grid the densities just computed, and lets it forget a little.
+    fn observe(&mut self, rays: &Rays, step: u64) {
+        let (every, factor) = DENSITY_DECAY;
+        if step % every == every - 1 {
+            self.density.decay(factor);
+        }
+        let (columns, batch) = (self.batch.columns, &self.batch);
+        for tile in 0..batch.tiles(rays) {
+            let positions = &batch.positions[3 * tile * columns..3 * (tile + 1) * columns];
+            let used = batch.range(rays, tile).len() * batch.samples;
+            for c in 0..used {
+                let cell = self.density.cell([0, 1, 2].map(|a| positions[a * columns + c]));
+                self.density.observe(cell, self.densities[tile * columns + c]);
+            }
+        }
+    }
+}
+
+/// Sum over rays of the standard deviation of depth under the ray's weights, metres.
+fn depth_spread(workspace: &Workspace, rays: &crate::tile::TileRays<'_>) -> f64 {
+    let k = rays.samples;
+    let spans = workspace.weights.chunks_exact(k).zip(rays.t.chunks_exact(k));
+    spans
+        .zip(&workspace.depths)
+        .map(|((w, t), depth)| {
+            let variance: f32 = w.iter().zip(t).map(|(w, t)| w * (t - depth) * (t - depth)).sum();
+            f64::from(variance.max(0.0).sqrt())
+        })
+        .sum()
+}
+
+impl Engine for CpuEngine {
+    fn train_step(&mut self, batch: &RayBatch, settings: &StepSettings) -> Result<StepStats, EngineError> {
+        check(batch)?;
+        let (n, lights) = (batch.rays.origins.len(), batch.lights_per_ray);
+        let total = match self.config.sampling {
+            Sampling::Guided { samples } => samples,
+            Sampling::Stratified { coarse, fine } => coarse + fine,
+        };
+        let jitter = Jitter(Some(Random::new(self.config.seed, settings.step)));
+        let mut samples = std::mem::take(&mut self.batch);
+        let tile_rays = self.tile_rays(total, lights);
+        samples.fill(&self.marcher(), &batch.rays, self.config.sampling, tile_rays, jitter);
+        self.batch = samples;
+        self.tiles(batch, settings);
+
+        let mut sums = Sums::default();
+        let (first, rest) = self.lanes.split_at_mut(1);
+        for lane in rest.iter() {
+            first[0].gradients.add(&lane.gradients);
+        }
+        for lane in &self.lanes {
+            sums.squared_error += lane.sums.squared_error;
+            sums.depth_penalty += lane.sums.depth_penalty;
+            sums.distortion += lane.sums.distortion;
+            sums.depth_spread += lane.sums.depth_spread;
+        }
+        let non_finite = |what: &str| EngineError::NonFinite { step: settings.step, what: what.into() };
+        let stats = StepStats {
+            loss: sums.squared_error / (3 * n * lights) as f64,
+            rays: n,
+            pixels: n * lights,
+            samples: n * total,
+            depth_spread: sums.depth_spread / n as f64,
+        };
+        for (value, what) in [
+            (stats.loss, "the colour loss"),
+            (sums.depth_penalty, "the depth penalty"),
+            (sums.distortion, "the distortion loss"),
+        ] {
+            if !value.is_finite() {
+                return Err(non_finite(what));
+            }
+        }
+        for (gradient, name) in self.lanes[0].gradients.parts().into_iter().zip(["geo", "rgb", "vis"]) {
+            if gradient.iter().any(|g| !g.is_finite()) {
+                return Err(non_finite(&format!("the gradient of the network {name}")));
+            }
+        }
+        if matches!(self.config.sampling, Sampling::Guided { .. }) {
+            self.observe(&batch.rays, settings.step);
+        }
+        let rate = settings.learning_rate;
+        self.networks.step(&self.lanes[0].gradients, &mut self.moments, rate, &self.correction);
+        self.grid.step(self.simd, self.batch.positions(), &self.feature_gradients, rate, &self.correction);
+        Ok(stats)
+    }
+
+    fn expect_surfaces(&mut self, points: &[[f32; 3]]) {
+        // Opaque enough to draw samples, and no more: the field has to confirm it.
+        let density = 1.0 / self.density.cell_size();
+        let background = 0.02 / self.cube.edge;
+        self.density.cells_mut().fill(background);
+        for &point in points {
+            let unit = self.cube.map(point);
+            if unit.iter().all(|u| (0.0..1.0).contains(u)) {
+                let cell = self.density.cell(unit);
+                self.density.observe(cell, density);
+            }
+        }
+    }
+
+    fn render(
+        &self,
+        rays: &Rays,
+        light: &LightPose,
+        outputs: Outputs,
+        settings: &RenderSettings,
+    ) -> Result<Samples, EngineError> {
+        crate::draw::draw(
+            &self.marcher(),
+            self.sampling_for(settings),
+            self.config.shading,
+            rays,
+            &self.code_light(light),
+            outputs,
+        )
+    }
+
+    fn query(&self, points: &Points) -> Result<FieldValues, EngineError> {
+        let light = points.light.as_ref().map(|l| self.code_light(l));
+        crate::draw::query(&self.marcher(), points, light.as_ref())
+    }
+
+    fn parameters(&self) -> Result<Parameters, EngineError> {
+        Ok(Parameters {
+            config: self.field.clone(),
+            table: self.grid.table(),
+            geo: self.networks.geo.network(),
+            rgb: self.networks.rgb.network(),
+            vis: self.networks.vis.as_ref().map(crate::mlp::Mlp::network),
+        })
+    }
+
+    fn state(&self) -> Result<EngineState, EngineError> {
+        let mut state = EngineState::new();
+        let (m, v, updates) = self.grid.moments();
+        state.insert("adam.grid.m".into(), StateTensor::F32(m));
+        state.insert("adam.grid.v".into(), StateTensor::F32(v));
+        state.insert("adam.grid.updates".into(), StateTensor::U32(updates));
+        for (moments, name) in self.moments.iter().zip(["geo", "rgb", "vis"]) {
+            state.insert(format!("adam.{name}.m"), StateTensor::F32(moments.m.clone()));
+            state.insert(format!("adam.{name}.v"), StateTensor::F32(moments.v.clone()));
+            state.insert(format!("adam.{name}.updates"), StateTensor::U32(vec![moments.updates]));
+        }
+        state.insert("density".into(), StateTensor::F32(self.density.cells().to_vec()));
+        Ok(state)
+    }
+
+    fn restore(&mut self, parameters: &Parameters, state: &EngineState) -> Result<(), EngineError> {
+        if parameters.config != self.field {
+            return Err(EngineError::Shape("the checkpoint holds another field than this run's".into()));
+        }
+        let mut fresh = Self::new(parameters, self.config)?;
+        let f32s = |name: &str, len: usize| match state.get(name) {
+            Some(StateTensor::F32(v)) if v.len() == len => Ok(v.clone()),
+            _ => Err(EngineError::Shape(format!(
+                "the checkpoint lacks `{name}`, or holds it in another shape"
+            ))),
+        };
+        let u32s = |name: &str, len: usize| match state.get(name) {
+            Some(StateTensor::U32(v)) if v.len() == len => Ok(v.clone()),
+            _ => Err(EngineError::Shape(format!(
+                "the checkpoint lacks `{name}`, or holds it in another shape"
+            ))),
+        };
+        let entries = parameters.table.len() / 2;
+        fresh.grid.set_moments(
+            &f32s("adam.grid.m", 2 * entries)?,
+            &f32s("adam.grid.v", 2 * entries)?,
+            &u32s("adam.grid.updates", entries)?,
+        );
+        for (moments, name) in fresh.moments.iter_mut().zip(["geo", "rgb", "vis"]) {
+            moments.m = f32s(&format!("adam.{name}.m"), moments.m.len())?;
+            moments.v = f32s(&format!("adam.{name}.v"), moments.v.len())?;
+            moments.updates = u32s(&format!("adam.{name}.updates"), 1)?[0];
+        }
+        let cells = f32s("density", fresh.density.cells().len())?;
+        fresh.density.cells_mut().copy_from_slice(&cells);
+        *self = fresh;
+        Ok(())
+    }
+}
+
+impl CpuEngine {
+    fn sampling_for(&self, settings: &RenderSettings) -> Sampling {
+        match (self.config.sampling, settings.samples) {
+            (sampling, None) => sampling,
+            (Sampling::Guided { .. }, Some(samples)) => Sampling::Guided { samples: samples.max(2) },
+            (Sampling::Stratified { .. }, Some(samples)) => {
+                let coarse = (samples / 2).max(2);
+                Sampling::Stratified { coarse, fine: samples.saturating_sub(coarse) }
+            }
+        }
+    }
+}
+
+/// Refuses batches that contradict themselves.
+fn check(batch: &RayBatch) -> Result<(), EngineError> {
+    let n = batch.rays.origins.len();
+    let pairs = n * batch.lights_per_ray;
+    let wrong = |what: &str| Err(EngineError::Shape(format!("ray batch: {what}")));
+    if pairs == 0 {
+        return wrong("it is empty");
+    }
+    if batch.rays.directions.len() != n {
+        return wrong("origins and directions differ in number");
+    }
+    if batch.light_index.len() != pairs || batch.colours.len() != pairs {
+        return wrong("light indices and colours must be as many as rays times lights a ray");
+    }
+    if !batch.depths.is_empty() && batch.depths.len() != n {
+        return wrong("depths must be as many as rays, or none");
+    }
+    if batch.light_index.iter().any(|&l| l as usize >= batch.lights.len()) {
+        return wrong("a light index points past the lights");
+    }
+    Ok(())
+}

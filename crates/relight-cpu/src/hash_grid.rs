@@ -1,0 +1,291 @@
+//! The hash grid `h(x)`: lookups level by level, and the sparse optimiser that follows their gradients.
+//!
+//! The outer loop runs over levels and the whole batch inside it, so that one level's table at a time lives in
+//! cache. Going back, a level belongs to one thread: no atomics, and the same sums whatever the number of threads.
+
+use fearless_simd::{Level, Simd, dispatch};
+use rayon::prelude::*;
+use relight_field::parameters::{GridConfig, Level as GridLevel};
+
+use crate::adam::{self, BiasCorrection};
+use crate::pool::Pool;
+
+/// Samples whose corners are worked out together.
+const GROUP: usize = 16;
+
+/// Primes of the spatial hash (Mueller et al. 2022, equation 4); the first is 1.
+const PRIMES: [u32; 2] = [2_654_435_761, 805_459_861];
+
+/// One entry: its two features.
+type Entry = [f32; 2];
+
+/// Adam's state of one entry.
+#[derive(Clone, Copy, Default)]
+struct EntryMoments {
+    m: Entry,
+    v: Entry,
+    updates: u32,
+}
+
+/// The table, with its optimiser.
+pub struct HashGrid {
+    levels: Vec<GridLevel>,
+    table: Vec<Entry>,
+    moments: Vec<EntryMoments>,
+    /// Gradient accumulators of one level, one for each thread at work; all zero between levels.
+    scratch: Pool<Scratch>,
+    largest: usize,
+}
+
+/// Gradient of one level, and a bit for each entry that has some.
+struct Scratch {
+    gradient: Vec<Entry>,
+    touched: Vec<u64>,
+}
+
+/// Samples in tiles: `[tile][3][columns]`, positions in the unit cube.
+#[derive(Clone, Copy)]
+pub struct TiledPositions<'a> {
+    /// The numbers.
+    pub data: &'a [f32],
+    /// Columns of a tile, a multiple of 16.
+    pub columns: usize,
+}
+
+impl HashGrid {
+    /// Takes the table of `config`, `[entries, 2]`.
+    pub fn new(config: &GridConfig, table: &[f32]) -> Self {
+        let levels = config.level_table();
+        let table: Vec<Entry> = table.as_chunks().0.to_vec();
+        let largest = levels.iter().map(|l| l.entries).max().unwrap_or(0);
+        Self {
+            levels,
+            moments: vec![EntryMoments::default(); table.len()],
+            table,
+            scratch: Pool::default(),
+            largest,
+        }
+    }
+
+    /// The table, `[entries, 2]`.
+    pub fn table(&self) -> Vec<f32> {
+        self.table.as_flattened().to_vec()
+    }
+
+    /// Features of an encoded position.
+    pub fn outputs(&self) -> usize {
+        2 * self.levels.len()
+    }
+
+    /// Moments as flat arrays: first and second moments `[entries, 2]`, and updates `[entries]`.
+    pub fn moments(&self) -> (Vec<f32>, Vec<f32>, Vec<u32>) {
+        let m = self.moments.iter().flat_map(|e| e.m).collect();
+        let v = self.moments.iter().flat_map(|e| e.v).collect();
+        (m, v, self.moments.iter().map(|e| e.updates).collect())
+    }
+
+    /// Sets the moments from arrays laid out as [`HashGrid::moments`] gives them; false if they do not fit.
+    pub fn set_moments(&mut self, m: &[f32], v: &[f32], updates: &[u32]) -> bool {
+        let n = self.table.len();
+        if m.len() != 2 * n || v.len() != 2 * n || updates.len() != n {
+            return false;
+        }
+        let pairs = m.as_chunks::<2>().0.iter().zip(v.as_chunks::<2>().0).zip(updates);
+        self.moments = pairs.map(|((&m, &v), &updates)| EntryMoments { m, v, updates }).collect();
+        true
+    }
+
+    /// Encodes all tiles: `features` is `[tile][2 * levels][columns]`.
+    pub fn encode(&self, simd: Level, positions: TiledPositions<'_>, features: &mut [f32]) {
+        let (columns, outputs) = (positions.columns, self.outputs());
+        for (l, level) in self.levels.iter().enumerate() {
+            let table = &self.table[level.offset..level.offset + level.entries];
+            features.par_chunks_mut(outputs * columns).zip(positions.data.par_chunks(3 * columns)).for_each(
+                |(features, positions)| {
+                    let rows = &mut features[2 * l * columns..(2 * l + 2) * columns];
+                    dispatch!(simd, simd => encode_level(simd, level, table, positions, rows, columns));
+                },
+            );
+        }
+    }
+
+    /// Takes one optimiser step along `gradients`, laid out like the features of [`HashGrid::encode`]. Entries that
+    /// no sample touched keep their weights and moments, and cost nothing but a bit.
+    pub fn step(
+        &mut self,
+        simd: Level,
+        positions: TiledPositions<'_>,
+        gradients: &[f32],
+        rate: f32,
+        correction: &BiasCorrection,
+    ) {
+        let (outputs, largest) = (self.outputs(), self.largest);
+        let mut tasks = Vec::with_capacity(self.levels.len());
+        let (mut table, mut moments) = (&mut self.table[..], &mut self.moments[..]);
+        for (l, level) in self.levels.iter().enumerate() {
+            let (t, rest_t) = table.split_at_mut(level.entries);
+            let (m, rest_m) = moments.split_at_mut(level.entries);
+            (table, moments) = (rest_t, rest_m);
+            tasks.push((l, level, t, m));
+        }
+        // The finest levels take longest, so they start first.
+        tasks.reverse();
+        let pool = &self.scratch;
+        tasks.into_par_iter().with_max_len(1).for_each(|(l, level, table, moments)| {
+            let make = || Scratch {
+                gradient: vec![[0.0; 2]; largest],
+                touched: vec![0; largest.div_ceil(64)],
+            };
+            pool.with(make, |scratch| {
+                dispatch!(simd, simd => scatter_level(simd, (l, level), positions, gradients, outputs, scratch));
+                update_touched(scratch, table, moments, rate, correction);
+            });
+        });
+    }
+}
+
+/// Entry indices and trilinear weights of the eight corners of a group of samples.
+struct Corners {
+    index: [[u32; GROUP]; 8],
+    weight: [[f32; GROUP]; 8],
+}
+
+/// Corners around samples `c..c + GROUP` of a tile. Samples outside the cube are moved to its surface.
+#[inline(always)]
+fn corners(level: &GridLevel, positions: &[f32], columns: usize, c: usize) -> Corners {
+    let cells = level.resolution as f32;
+    let last = level.resolution as i32 - 1;
+    let strides = if level.hashed {
+        PRIMES
+    } else {
+        [level.resolution + 1, (level.resolution + 1).wrapping_mul(level.resolution + 1)]
+    };
+    let multipliers = [1, strides[0], strides[1]];
+    let mut offset = [[[0u32; GROUP]; 2]; 3];
+    let mut fraction = [[[0f32; GROUP]; 2]; 3];
+    for axis in 0..3 {
+        let start = axis * columns + c;
+        let x = &positions[start..start + GROUP];
+        for i in 0..GROUP {
+            let scaled = x[i].clamp(0.0, 1.0) * cells;
+            // A position on the upper face belongs to the last cell.
+            let cell = (scaled as i32).min(last);
+            let f = scaled - cell as f32;
+            fraction[axis][0][i] = 1.0 - f;
+            fraction[axis][1][i] = f;
+            let low = (cell as u32).wrapping_mul(multipliers[axis]);
+            offset[axis][0][i] = low;
+            offset[axis][1][i] = low.wrapping_add(multipliers[axis]);
+        }
+    }
+    // The number of entries of a hashed level is a power of two.
+    let mask = level.entries as u32 - 1;
+    let mut corners = Corners { index: [[0; GROUP]; 8], weight: [[0.0; GROUP]; 8] };
+    for corner in 0..8 {
+        let bits = [corner & 1, corner >> 1 & 1, corner >> 2];
+        for i in 0..GROUP {
+            let [x, y, z] = [offset[0][bits[0]][i], offset[1][bits[1]][i], offset[2][bits[2]][i]];
+            corners.index[corner][i] = if level.hashed { (x ^ y ^ z) & mask } else { x + y + z };
+            corners.weight[corner][i] =
+                fraction[0][bits[0]][i] * fraction[1][bits[1]][i] * fraction[2][bits[2]][i];
+        }
+    }
+    corners
+}
+
+#[inline(always)]
+fn encode_level<S: Simd>(
+    simd: S,
+    level: &GridLevel,
+    table: &[Entry],
+    positions: &[f32],
+    rows: &mut [f32],
+    columns: usize,
+) {
+    simd.vectorize(
+        #[inline(always)]
+        || {
+            let (row0, row1) = rows.split_at_mut(columns);
+            for c in (0..columns).step_by(GROUP) {
+                let corners = corners(level, positions, columns, c);
+                let (row0, row1) = (&mut row0[c..c + GROUP], &mut row1[c..c + GROUP]);
+                for i in 0..GROUP {
+                    let mut sum = [0.0; 2];
+                    for corner in 0..8 {
+                        let entry = table[corners.index[corner][i] as usize];
+                        let weight = corners.weight[corner][i];
+                        sum[0] = entry[0].mul_add(weight, sum[0]);
+                        sum[1] = entry[1].mul_add(weight, sum[1]);
+                    }
+                    row0[i] = sum[0];
+                    row1[i] = sum[1];
+                }
+            }
+        },
+    );
+}
+
+/// Adds the gradients of level `l` to the scratch.
+#[inline(always)]
+fn scatter_level<S: Simd>(
+    simd: S,
+    (l, level): (usize, &GridLevel),
+    positions: TiledPositions<'_>,
+    gradients: &[f32],
+    outputs: usize,
+    scratch: &mut Scratch,
+) {
+    let columns = positions.columns;
+    simd.vectorize(
+        #[inline(always)]
+        || {
+            let gradient = &mut scratch.gradient[..level.entries];
+            let tiles =
+                positions.data.chunks_exact(3 * columns).zip(gradients.chunks_exact(outputs * columns));
+            for (positions, gradients) in tiles {
+                let (row0, row1) = gradients[2 * l * columns..(2 * l + 2) * columns].split_at(columns);
+                for c in (0..columns).step_by(GROUP) {
+                    let corners = corners(level, positions, columns, c);
+                    for i in 0..GROUP {
+                        let (g0, g1) = (row0[c + i], row1[c + i]);
+                        if g0 == 0.0 && g1 == 0.0 {
+                            continue;
+                        }
+                        for corner in 0..8 {
+                            let index = corners.index[corner][i] as usize;
+                            let weight = corners.weight[corner][i];
+                            let entry = &mut gradient[index];
+                            entry[0] = g0.mul_add(weight, entry[0]);
+                            entry[1] = g1.mul_add(weight, entry[1]);
+                            scratch.touched[index / 64] |= 1 << (index % 64);
+                        }
+                    }
+                }
+            }
+        },
+    );
+}
+
+/// Updates the touched entries in the order of their addresses, and clears the scratch.
+fn update_touched(
+    scratch: &mut Scratch,
+    table: &mut [Entry],
+    moments: &mut [EntryMoments],
+    rate: f32,
+    correction: &BiasCorrection,
+) {
+    for (word, touched) in scratch.touched.iter_mut().enumerate() {
+        let mut bits = std::mem::take(touched);
+        while bits != 0 {
+            let index = word * 64 + bits.trailing_zeros() as usize;
+            bits &= bits - 1;
+            let g = std::mem::take(&mut scratch.gradient[index]);
+            let (entry, state) = (&mut table[index], &mut moments[index]);
+            state.updates += 1;
+            let c = correction.at(state.updates);
+            for f in 0..2 {
+                adam::update(&mut entry[f], &mut state.m[f], &mut state.v[f], g[f], rate, c);
+            }
+        }
+    }
+}

@@ -1,0 +1,253 @@
+//! The samples of a batch, tile by tile: where they lie, and their encoded features.
+
+use fearless_simd::Level;
+use rayon::prelude::*;
+use relight_field::engine::Rays;
+use relight_field::random::Random;
+use relight_field::sampling::Sampling;
+
+use crate::dense::padded;
+use crate::density_grid::DensityGrid;
+use crate::hash_grid::{HashGrid, TiledPositions};
+use crate::march::{self, GuideScratch, UnitCube, along};
+use crate::networks::Networks;
+use crate::pool::Pool;
+use crate::tile::{TileRays, Workspace};
+
+/// Random numbers of one batch: number `k` of ray `r` is `index r * 2^16 + k`.
+#[derive(Clone, Copy)]
+pub struct Jitter(pub Option<Random>);
+
+impl Jitter {
+    /// Where in its part of ray `ray` sample `k` lies, 0..1: the middle when drawing pictures.
+    fn at(self, ray: usize, k: usize) -> f32 {
+        self.0.map_or(0.5, |random| random.uniform_at((ray as u64) << 16 | k as u64))
+    }
+}
+
+/// Everything that placing samples needs to know.
+pub struct Marcher<'a> {
+    /// The box.
+    pub cube: UnitCube,
+    /// Where density is.
+    pub density: &'a DensityGrid,
+    /// The encoder.
+    pub grid: &'a HashGrid,
+    /// The networks.
+    pub networks: &'a Networks,
+    /// Instruction set.
+    pub simd: Level,
+    /// Idle workspaces.
+    pub workspaces: &'a Pool<Workspace>,
+}
+
+/// Samples of a batch of rays. Tile `i` holds rays `i * tile_rays` and following; the columns of its samples are
+/// described by [`TileRays`].
+#[derive(Default)]
+pub struct SampleBatch {
+    /// Rays a tile.
+    pub tile_rays: usize,
+    /// Samples a ray.
+    pub samples: usize,
+    /// Columns of a tile.
+    pub columns: usize,
+    /// `[tile][columns]`: distances, metres.
+    pub t: Vec<f32>,
+    /// `[tile][columns]`: interval lengths, metres.
+    pub lengths: Vec<f32>,
+    /// `[tile][3][columns]`: positions in the unit cube.
+    pub positions: Vec<f32>,
+    /// `[tile][features][columns]`.
+    pub features: Vec<f32>,
+    guides: Pool<GuideScratch>,
+}
+
+impl SampleBatch {
+    /// Places the samples of `rays` and encodes them, `tile_rays` rays a tile.
+    pub fn fill(
+        &mut self,
+        marcher: &Marcher<'_>,
+        rays: &Rays,
+        sampling: Sampling,
+        tile_rays: usize,
+        jitter: Jitter,
+    ) {
+        match sampling {
+            Sampling::Guided { samples } => {
+                self.shape(marcher, rays, tile_rays, samples);
+                let guides = &self.guides;
+                place(
+                    self.tile_rays,
+                    self.samples,
+                    &mut self.t,
+                    &mut self.lengths,
+                    rays,
+                    |ray, t, lengths| {
+                        let (origin, direction) = (rays.origins[ray], rays.directions[ray]);
+                        let span = marcher.cube.clip(origin, direction);
+                        guides.with(GuideScratch::default, |guide| {
+                            let draw = |k| jitter.at(ray, k);
+                            let draw: Option<&dyn Fn(usize) -> f32> = jitter.0.is_some().then_some(&draw);
+                            march::guided(
+                                marcher.density,
+                                &marcher.cube,
+                                (origin, direction),
+                                span,
+                                draw,
+                                guide,
+                                t,
+                            );
+                        });
+                        march::interval_lengths(t, span, lengths);
+                    },
+                );
+            }
+            Sampling::Stratified { coarse, fine } => {
+                self.shape(marcher, rays, tile_rays, coarse);
+                place(
+                    self.tile_rays,
+                    self.samples,
+                    &mut self.t,
+                    &mut self.lengths,
+                    rays,
+                    |ray, t, lengths| {
+                        let span = marcher.cube.clip(rays.origins[ray], rays.directions[ray]);
+                        march::stratified(span, |k| jitter.at(ray, k), t);
+                        march::interval_lengths(t, span, lengths);
+                    },
+                );
+                if fine > 0 {
+                    self.refine(marcher, rays, fine, jitter);
+                }
+            }
+        }
+        self.encode(marcher, rays);
+    }
+
+    /// Adds `fine` samples a ray, drawn from the weights of those at hand (paper section 4.3; Mildenhall et al.
+    /// 2020, section 5.2).
+    fn refine(&mut self, marcher: &Marcher<'_>, rays: &Rays, fine: usize, jitter: Jitter) {
+        self.encode(marcher, rays);
+        let (coarse, tile_rays, columns) = (self.samples, self.tile_rays, self.columns);
+        let weights: Vec<f32> = (0..self.tiles(rays))
+            .into_par_iter()
+            .flat_map_iter(|tile| {
+                marcher.workspaces.with(Workspace::default, |w| {
+                    w.composite(marcher.simd, marcher.networks, &self.tile(marcher, rays, tile));
+                    w.weights.clone()
+                })
+            })
+            .collect();
+        let (old_t, old_lengths) = (std::mem::take(&mut self.t), std::mem::take(&mut self.lengths));
+        self.shape(marcher, rays, tile_rays, coarse + fine);
+        place(self.tile_rays, self.samples, &mut self.t, &mut self.lengths, rays, |ray, t, lengths| {
+            let span = marcher.cube.clip(rays.origins[ray], rays.directions[ray]);
+            let start = ray / tile_rays * columns + ray % tile_rays * coarse;
+            let (old, weights) = (&old_t[start..start + coarse], &weights[start..start + coarse]);
+            let (first, rest) = t.split_at_mut(coarse);
+            first.copy_from_slice(old);
+            // A little everywhere, so that a ray through nothing has somewhere to draw from.
+            let mass: Vec<f32> = weights.iter().map(|w| w + 1e-5).collect();
+            let old_lengths = &old_lengths[start..start + coarse];
+            let mut end = span.0;
+            let ends: Vec<f32> = old_lengths
+                .iter()
+                .map(|l| {
+                    end += l;
+                    end
+                })
+                .collect();
+            march::draw(&mass, span.0, |b| ends[b], |k| jitter.at(ray, coarse + k), rest);
+            t.sort_by(f32::total_cmp);
+            march::interval_lengths(t, span, lengths);
+        });
+    }
+
+    fn shape(&mut self, marcher: &Marcher<'_>, rays: &Rays, tile_rays: usize, samples: usize) {
+        (self.tile_rays, self.samples, self.columns) = (tile_rays, samples, padded(tile_rays * samples));
+        let total = self.tiles(rays) * self.columns;
+        self.t.clear();
+        self.t.resize(total, 0.0);
+        self.lengths.clear();
+        self.lengths.resize(total, 0.0);
+        self.positions.resize(3 * total, 0.0);
+        self.features.resize(marcher.networks.features * total, 0.0);
+    }
+
+    /// Tiles of the batch.
+    pub fn tiles(&self, rays: &Rays) -> usize {
+        rays.origins.len().div_ceil(self.tile_rays.max(1))
+    }
+
+    fn encode(&mut self, marcher: &Marcher<'_>, rays: &Rays) {
+        let (k, columns, tile_rays) = (self.samples, self.columns, self.tile_rays);
+        self.positions.par_chunks_mut(3 * columns).zip(self.t.par_chunks(columns)).enumerate().for_each(
+            |(tile, (positions, t))| {
+                positions.fill(0.5);
+                let first = tile * tile_rays;
+                let here = first..(first + tile_rays).min(rays.origins.len());
+                for (r, ray) in here.enumerate() {
+                    let (origin, direction) = (rays.origins[ray], rays.directions[ray]);
+                    for column in r * k..(r + 1) * k {
+                        let unit = marcher.cube.map(along(origin, direction, t[column]));
+                        for (axis, u) in unit.into_iter().enumerate() {
+                            positions[axis * columns + column] = u.clamp(0.0, 1.0);
+                        }
+                    }
+                }
+            },
+        );
+        let positions = TiledPositions { data: &self.positions, columns };
+        marcher.grid.encode(marcher.simd, positions, &mut self.features);
+    }
+
+    /// The positions, as the grid takes them.
+    pub fn positions(&self) -> TiledPositions<'_> {
+        TiledPositions { data: &self.positions, columns: self.columns }
+    }
+
+    /// The rays of one tile of a batch.
+    pub fn range(&self, rays: &Rays, tile: usize) -> std::ops::Range<usize> {
+        let first = tile * self.tile_rays;
+        first..(first + self.tile_rays).min(rays.origins.len())
+    }
+
+    /// One tile.
+    pub fn tile<'a>(&'a self, marcher: &Marcher<'_>, rays: &'a Rays, tile: usize) -> TileRays<'a> {
+        let here = self.range(rays, tile);
+        let span = tile * self.columns..(tile + 1) * self.columns;
+        let features = marcher.networks.features;
+        TileRays {
+            origins: &rays.origins[here.clone()],
+            directions: &rays.directions[here],
+            samples: self.samples,
+            columns: self.columns,
+            t: &self.t[span.clone()],
+            lengths: &self.lengths[span.clone()],
+            features: &self.features[span.start * features..span.end * features],
+        }
+    }
+}
+
+/// Calls `one(ray, t, lengths)` for every ray, in parallel over tiles.
+fn place(
+    tile_rays: usize,
+    samples: usize,
+    t: &mut [f32],
+    lengths: &mut [f32],
+    rays: &Rays,
+    one: impl Fn(usize, &mut [f32], &mut [f32]) + Sync,
+) {
+    let columns = padded(tile_rays * samples);
+    t.par_chunks_mut(columns).zip(lengths.par_chunks_mut(columns)).enumerate().for_each(
+        |(tile, (t, lengths))| {
+            let first = tile * tile_rays;
+            let here = first..(first + tile_rays).min(rays.origins.len());
+            for ((ray, t), lengths) in
+                here.zip(t.chunks_exact_mut(samples)).zip(lengths.chunks_exact_mut(samples))
+            {
+                one(ray, t, lengths);
+            }
+        },
+    );
+}

@@ -1,0 +1,273 @@
+//! One tile: a few whole rays with all their samples, from features to colours and back.
+//!
+//! Everything between the hash grid's features and their gradients happens here while it is in cache, by one
+//! thread.
+
+use fearless_simd::Level;
+use relight_field::architecture::{EMBEDDING, GEO_OUTPUTS};
+use relight_field::sampling::Shading;
+
+use crate::composite;
+use crate::march::along;
+use crate::mlp::Tape;
+use crate::networks::{Gradients, Networks};
+use crate::shade::{CodedLight, Point, Shader};
+
+/// Samples that weigh less are not shaded (torch-ngp's threshold).
+const WEIGHT_THRESHOLD: f32 = 1e-4;
+/// Keeps `exp` finite; a density of `exp(60)` is as opaque as any.
+const LOGIT_LIMIT: f32 = 60.0;
+/// Where torch-ngp's `trunc_exp` stops the derivative from growing.
+const DERIVATIVE_LIMIT: f32 = 15.0;
+
+/// The rays of a tile and where their samples lie. Sample `k` of ray `r` is column `r * samples + k`.
+#[derive(Clone, Copy)]
+pub struct TileRays<'a> {
+    /// Origins, metres.
+    pub origins: &'a [[f32; 3]],
+    /// Unit directions.
+    pub directions: &'a [[f32; 3]],
+    /// Samples a ray.
+    pub samples: usize,
+    /// Columns of the tile: at least `rays * samples`, a multiple of 16.
+    pub columns: usize,
+    /// `[columns]`: distance of each sample along its ray, metres.
+    pub t: &'a [f32],
+    /// `[columns]`: length of each sample's interval, metres.
+    pub lengths: &'a [f32],
+    /// `[features][columns]`: `h` at the samples.
+    pub features: &'a [f32],
+}
+
+/// What a tile is to be punished for beside its colours.
+#[derive(Clone, Copy)]
+pub struct Regularisers<'a> {
+    /// Expected depth of each ray, metres, NaN where unknown; empty if there is none.
+    pub depths: &'a [f32],
+    /// Weight of the depth penalty, divided by the rays of the batch.
+    pub depth_weight: f32,
+    /// Its margin, metres.
+    pub depth_margin: f32,
+    /// Weight of the distortion loss, divided by the rays of the batch.
+    pub distortion_weight: f32,
+    /// Longest edge of the box, metres.
+    pub edge: f32,
+}
+
+/// Memory of one thread, reused from tile to tile; after [`Workspace::forward`] it holds the results.
+#[derive(Default)]
+pub struct Workspace {
+    geo: Tape,
+    /// `[columns]`: density times interval length.
+    pub optical: Vec<f32>,
+    /// `[columns]`: density, per metre.
+    pub density: Vec<f32>,
+    /// `[columns]`: what each sample counts in its ray.
+    pub weights: Vec<f32>,
+    /// Points, their colours and visibilities.
+    pub shader: Shader,
+    /// `[rays * lights]`: colours.
+    pub colours: Vec<[f32; 3]>,
+    /// `[rays]`: expected depth, metres.
+    pub depths: Vec<f32>,
+    weight_gradient: Vec<f32>,
+    /// For per-sample shading, the column of each point.
+    columns_of_points: Vec<usize>,
+}
+
+impl Workspace {
+    /// Density at every column of `features`, into `density`.
+    pub fn densities(&mut self, simd: Level, networks: &Networks, features: &[f32], columns: usize) {
+        networks.geo.prepare(&mut self.geo, columns);
+        self.geo.values[0].copy_from_slice(&features[..networks.features * columns]);
+        networks.geo.forward(simd, &mut self.geo);
+        let logits = &self.geo.output()[..columns];
+        self.density.clear();
+        self.density.extend(logits.iter().map(|&l| networks.density_scale * l.min(LOGIT_LIMIT).exp()));
+    }
+
+    /// The embeddings `e` of the columns last given to [`Workspace::densities`]: `[15][columns]`.
+    pub fn embeddings(&self, columns: usize) -> &[f32] {
+        &self.geo.output()[columns..GEO_OUTPUTS * columns]
+    }
+
+    /// Weights of the samples of all rays, into `weights`, from densities of the tile's features.
+    pub fn composite(&mut self, simd: Level, networks: &Networks, rays: &TileRays<'_>) {
+        self.densities(simd, networks, rays.features, rays.columns);
+        self.optical.clear();
+        self.optical.extend(self.density.iter().zip(rays.lengths).map(|(d, l)| d * l));
+        self.weights.clear();
+        self.weights.resize(rays.columns, 0.0);
+        self.depths.clear();
+        for r in 0..rays.origins.len() {
+            let span = r * rays.samples..(r + 1) * rays.samples;
+            composite::weights(&self.optical[span.clone()], &mut self.weights[span.clone()]);
+            let depth = self.weights[span.clone()].iter().zip(&rays.t[span]).map(|(w, t)| w * t).sum();
+            self.depths.push(depth);
+        }
+    }
+
+    /// Colours of all pairs.
+    pub fn forward<'a>(
+        &mut self,
+        simd: Level,
+        networks: &Networks,
+        shading: Shading,
+        rays: &TileRays<'_>,
+        lights: usize,
+        light: impl Fn(usize, usize) -> &'a CodedLight,
+    ) {
+        self.composite(simd, networks, rays);
+        match shading {
+            Shading::Deferred => self.average_points(networks, rays),
+            Shading::PerSample => self.select_points(networks, rays),
+        }
+        self.shader.forward(simd, networks, rays.directions, lights, light);
+        self.colours.clear();
+        self.colours.resize(rays.origins.len() * lights, [0.0; 3]);
+        let columns = self.shader.columns();
+        for (q, point) in self.shader.points.iter().enumerate() {
+            for l in 0..lights {
+                let p = q * lights + l;
+                let scale = point.weight * self.shader.visibility[p];
+                for (channel, value) in self.colours[point.ray * lights + l].iter_mut().enumerate() {
+                    *value += scale * self.shader.colour[channel * columns + p];
+                }
+            }
+        }
+    }
+
+    /// One point a ray, with features averaged under the ray's weights.
+    fn average_points(&mut self, networks: &Networks, rays: &TileRays<'_>) {
+        let (n, k) = (rays.origins.len(), rays.samples);
+        let shader = &mut self.shader;
+        shader.points.clear();
+        shader.points.extend((0..n).map(|ray| Point {
+            ray,
+            position: along(rays.origins[ray], rays.directions[ray], self.depths[ray]),
+            weight: 1.0,
+        }));
+        shader.features.clear();
+        let embeddings = &self.geo.output()[rays.columns..GEO_OUTPUTS * rays.columns];
+        let rows = rays.features[..networks.features * rays.columns]
+            .chunks_exact(rays.columns)
+            .chain(embeddings.chunks_exact(rays.columns));
+        for row in rows {
+            let averages = row.chunks_exact(k).zip(self.weights.chunks_exact(k)).take(n);
+            shader.features.extend(averages.map(|(f, w)| f.iter().zip(w).map(|(f, w)| f * w).sum::<f32>()));
+        }
+    }
+
+    /// The samples that weigh something.
+    fn select_points(&mut self, networks: &Networks, rays: &TileRays<'_>) {
+        let shader = &mut self.shader;
+        shader.points.clear();
+        self.columns_of_points.clear();
+        for (ray, (&origin, &direction)) in rays.origins.iter().zip(rays.directions).enumerate() {
+            for column in ray * rays.samples..(ray + 1) * rays.samples {
+                let weight = self.weights[column];
+                if weight > WEIGHT_THRESHOLD {
+                    let position = along(origin, direction, rays.t[column]);
+                    shader.points.push(Point { ray, position, weight });
+                    self.columns_of_points.push(column);
+                }
+            }
+        }
+        shader.features.clear();
+        let embeddings = &self.geo.output()[rays.columns..GEO_OUTPUTS * rays.columns];
+        let rows = rays.features[..networks.features * rays.columns]
+            .chunks_exact(rays.columns)
+            .chain(embeddings.chunks_exact(rays.columns));
+        for row in rows {
+            shader.features.extend(self.columns_of_points.iter().map(|&c| row[c]));
+        }
+    }
+
+    /// From colour gradients (and the regularisers) to gradients of the networks and of the tile's features,
+    /// `[features][columns]`. Returns the sums over rays of the depth penalty and the distortion loss.
+    #[allow(clippy::too_many_arguments)]
+    pub fn backward(
+        &mut self,
+        simd: Level,
+        networks: &Networks,
+        shading: Shading,
+        rays: &TileRays<'_>,
+        lights: usize,
+        colour_gradient: &[[f32; 3]],
+        regularisers: &Regularisers<'_>,
+        gradients: &mut Gradients,
+        feature_gradient: &mut [f32],
+    ) -> (f32, f32) {
+        let (n, k, columns) = (rays.origins.len(), rays.samples, rays.columns);
+        let shader = &mut self.shader;
+        shader.backward(simd, networks, lights, |r, l| colour_gradient[r * lights + l], gradients);
+        self.weight_gradient.clear();
+        self.weight_gradient.resize(columns, 0.0);
+        feature_gradient.fill(0.0);
+        let (geo, d_geo) = self.geo.output_and_gradient();
+        d_geo.fill(0.0);
+        let (d_logit, d_embedding) = d_geo.split_at_mut(columns);
+        let points = shader.points.len();
+        if points > 0 {
+            let sources = rays.features[..networks.features * columns]
+                .chunks_exact(columns)
+                .chain(geo[columns..].chunks_exact(columns));
+            let targets = feature_gradient
+                .chunks_exact_mut(columns)
+                .take(networks.features)
+                .chain(d_embedding.chunks_exact_mut(columns));
+            let rows = sources.zip(targets).zip(shader.feature_gradients.chunks_exact(points));
+            for ((source, target), d_points) in rows.take(networks.features + EMBEDDING) {
+                match shading {
+                    Shading::PerSample => {
+                        for (&column, &d) in self.columns_of_points.iter().zip(d_points) {
+                            target[column] = d;
+                        }
+                    }
+                    Shading::Deferred => {
+                        let spans = source.chunks_exact(k).zip(target.chunks_exact_mut(k));
+                        let weights =
+                            self.weights.chunks_exact(k).zip(self.weight_gradient.chunks_exact_mut(k));
+                        for ((&d, (source, target)), (w, dw)) in d_points.iter().zip(spans).zip(weights) {
+                            for i in 0..k {
+                                target[i] = w[i] * d;
+                                dw[i] += source[i] * d;
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        if shading == Shading::PerSample {
+            for (&column, &d) in self.columns_of_points.iter().zip(&shader.weight_gradients) {
+                self.weight_gradient[column] = d;
+            }
+        }
+        let (mut penalty, mut spread) = (0.0, 0.0);
+        for r in 0..n {
+            let span = r * k..(r + 1) * k;
+            let (w, t) = (&self.weights[span.clone()], &rays.t[span.clone()]);
+            let g = &mut self.weight_gradient[span.clone()];
+            let depth = regularisers.depths.get(r).copied().unwrap_or(f32::NAN);
+            if regularisers.depth_weight > 0.0 && depth.is_finite() {
+                let margin = regularisers.depth_margin;
+                penalty += composite::depth_penalty(w, t, depth, margin, regularisers.depth_weight, g);
+            }
+            if regularisers.distortion_weight > 0.0 {
+                let (lengths, scale) = (&rays.lengths[span], regularisers.distortion_weight);
+                spread += composite::distortion(w, t, lengths, regularisers.edge, scale, g);
+            }
+            composite::backward(w, g);
+        }
+        // d optical / d logit is the optical depth itself, with the derivative of exp limited.
+        let limit = networks.density_scale * DERIVATIVE_LIMIT.exp();
+        for (c, d) in d_logit.iter_mut().enumerate().take(n * k) {
+            *d = self.weight_gradient[c] * self.density[c].min(limit) * rays.lengths[c];
+        }
+        networks.geo.backward(simd, &mut self.geo, &mut gradients.geo, 0..networks.features);
+        for (f, row) in feature_gradient.chunks_exact_mut(columns).enumerate() {
+            row.iter_mut().zip(self.geo.input_gradient(0, f)).for_each(|(a, b)| *a += b);
+        }
+        (penalty, spread)
+    }
+}

@@ -1,0 +1,176 @@
+//! From a scene's training pixels to depths, points and a box.
+
+use rayon::prelude::*;
+use relight_scene::{Bounds, PixelStore, Scene};
+
+use crate::consistency::confirmed;
+use crate::descriptor::{View, common_lights, describe};
+use crate::sweep::{planes, sweep};
+
+/// How depths are looked for.
+#[derive(Clone, Copy, Debug)]
+pub struct StereoSettings {
+    /// Pictures are reduced by a whole factor to at most this width, pixels.
+    pub width: usize,
+    /// Depths tried.
+    pub planes: usize,
+    /// Neighbours that each view is matched with.
+    pub neighbours: usize,
+    /// Views that must confirm a depth.
+    pub confirmations: usize,
+}
+
+impl Default for StereoSettings {
+    fn default() -> Self {
+        Self { width: 200, planes: 128, neighbours: 4, confirmations: 2 }
+    }
+}
+
+/// Depths at which training rays are expected to end.
+pub struct DepthPrior {
+    maps: Vec<DepthMap>,
+    /// World points of all confirmed depths, metres.
+    pub points: Vec<[f32; 3]>,
+}
+
+/// Depths of one view.
+struct DepthMap {
+    width: usize,
+    height: usize,
+    /// Photograph pixels a map pixel, both ways.
+    ratio: [f32; 2],
+    /// Distances along the rays, metres; NaN where unknown.
+    distances: Vec<f32>,
+}
+
+/// Fewest lights that make a descriptor worth matching.
+const LEAST_LIGHTS: usize = 3;
+
+impl DepthPrior {
+    /// Looks for depths in the box. `None` if the views share too few lights, or are too few, to be matched.
+    pub fn estimate(
+        scene: &Scene,
+        store: &PixelStore,
+        bounds: &Bounds,
+        settings: &StereoSettings,
+    ) -> Option<Self> {
+        let n = store.views();
+        if n < 3 {
+            return None;
+        }
+        let lights = common_lights(scene, store);
+        if lights.len() < LEAST_LIGHTS {
+            return None;
+        }
+        let widest = (0..n).map(|v| scene.cameras[store.camera(v)].intrinsics.width as usize).max()?;
+        let scale = widest.div_ceil(settings.width).max(1);
+        let views: Vec<View> =
+            (0..n).into_par_iter().map(|v| describe(scene, store, v, &lights, scale)).collect();
+        let centre: [f64; 3] = std::array::from_fn(|a| f64::from(bounds.lo[a] + bounds.hi[a]) / 2.0);
+        let nearest: Vec<Vec<usize>> = (0..n).map(|v| neighbours(&views, v, centre)).collect();
+        let depths: Vec<Vec<f32>> = (0..n)
+            .into_par_iter()
+            .map(|v| {
+                let Some((near, far)) = depth_range(&views[v], bounds) else {
+                    return vec![f32::NAN; views[v].width * views[v].height];
+                };
+                let matched = &nearest[v][..settings.neighbours.min(n - 1)];
+                sweep(&views, v, matched, &planes(near, far, settings.planes))
+            })
+            .collect();
+        let points: Vec<Vec<Option<[f64; 3]>>> = (0..n)
+            .into_par_iter()
+            .map(|v| {
+                let others = &nearest[v][..(2 * settings.neighbours).min(n - 1)];
+                confirmed(&views, &depths, v, others, settings.confirmations)
+            })
+            .collect();
+        let maps = views
+            .iter()
+            .zip(&points)
+            .enumerate()
+            .map(|(v, (view, points))| {
+                let eye = view.pose.position();
+                let full = &scene.cameras[store.camera(v)].intrinsics;
+                let distance = |p: &Option<[f64; 3]>| {
+                    p.map_or(f32::NAN, |p| {
+                        p.iter().zip(eye).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt() as f32
+                    })
+                };
+                DepthMap {
+                    width: view.width,
+                    height: view.height,
+                    ratio: [full.width as f32 / view.width as f32, full.height as f32 / view.height as f32],
+                    distances: points.iter().map(distance).collect(),
+                }
+            })
+            .collect();
+        let points = points.into_iter().flatten().flatten().map(|p| p.map(|v| v as f32)).collect();
+        Some(Self { maps, points })
+    }
+
+    /// Distance along the ray of photograph pixel `(x, y)` of a view of the pixel store, metres; NaN where unknown.
+    pub fn distance(&self, view: usize, x: usize, y: usize) -> f32 {
+        let map = &self.maps[view];
+        let column = ((x as f32 / map.ratio[0]) as usize).min(map.width - 1);
+        let row = ((y as f32 / map.ratio[1]) as usize).min(map.height - 1);
+        map.distances[row * map.width + column]
+    }
+
+    /// Share of the maps' pixels whose depth is known, 0..1.
+    pub fn coverage(&self) -> f64 {
+        let all: usize = self.maps.iter().map(|m| m.distances.len()).sum();
+        self.points.len() as f64 / all.max(1) as f64
+    }
+
+    /// The smallest cube around the points, without the outermost 0.2 % on each side, widened by a tenth; `None`
+    /// without points.
+    pub fn bounds(&self) -> Option<Bounds> {
+        if self.points.is_empty() {
+            return None;
+        }
+        let range = |axis: usize| {
+            let mut values: Vec<f32> = self.points.iter().map(|p| p[axis]).collect();
+            values.sort_by(f32::total_cmp);
+            let cut = values.len() / 500;
+            (values[cut], values[values.len() - 1 - cut])
+        };
+        let ranges = [range(0), range(1), range(2)];
+        let half = ranges.iter().map(|(lo, hi)| 0.5 * (hi - lo)).fold(0.0, f32::max) * 1.1;
+        let centre = ranges.map(|(lo, hi)| 0.5 * (lo + hi));
+        Some(Bounds { lo: centre.map(|c| c - half), hi: centre.map(|c| c + half) })
+    }
+}
+
+/// Other views, best partners first: seen from the middle of the scene their direction differs enough for depth to
+/// show, and little enough for the picture to stay alike.
+fn neighbours(views: &[View], index: usize, centre: [f64; 3]) -> Vec<usize> {
+    /// Preferred angle between the directions to two cameras, radians.
+    const ANGLE: f64 = 0.2;
+    let direction = |v: &View| {
+        let d: [f64; 3] = std::array::from_fn(|a| v.pose.position()[a] - centre[a]);
+        let norm = d.iter().map(|x| x * x).sum::<f64>().sqrt().max(1e-9);
+        d.map(|x| x / norm)
+    };
+    let own = direction(&views[index]);
+    let angle = |v: usize| {
+        let cos: f64 = own.iter().zip(direction(&views[v])).map(|(a, b)| a * b).sum();
+        // As far from the preferred angle, in octaves.
+        (cos.clamp(-1.0, 1.0).acos().max(1e-3) / ANGLE).log2().abs()
+    };
+    let mut others: Vec<usize> = (0..views.len()).filter(|&v| v != index).collect();
+    others.sort_by(|&a, &b| angle(a).total_cmp(&angle(b)));
+    others
+}
+
+/// Depths along the optical axis at which a view sees the box, metres; `None` if the box is behind it.
+fn depth_range(view: &View, bounds: &Bounds) -> Option<(f64, f64)> {
+    let corners = (0..8).map(|i| {
+        let corner: [f64; 3] =
+            std::array::from_fn(|a| f64::from(if i >> a & 1 == 0 { bounds.lo[a] } else { bounds.hi[a] }));
+        view.pose.inverse_transform(corner)[2]
+    });
+    let (near, far) = corners.fold((f64::INFINITY, 0f64), |(n, f), z| (n.min(z), f.max(z)));
+    // Nearer than a tenth of the way, planes would be wasted on the air before the lens.
+    (far > 0.0).then(|| (near.max(0.15 * far), far))
+}
