@@ -1,0 +1,66 @@
+//! Path files: keyframes of camera and light as JSON.
+
+use std::path::Path;
+
+use serde::Deserialize;
+
+use crate::error::RenderError;
+use crate::files::read_text;
+use crate::paths::Shot;
+use crate::placement::{light_at, pose_of};
+
+/// The version that this program reads.
+const VERSION: u64 = 1;
+/// A path file's longest length, bytes.
+const LONGEST_FILE: u64 = 1 << 26;
+
+#[derive(Deserialize)]
+struct Header {
+    version: u64,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PathFile {
+    #[serde(rename = "version")]
+    _version: u64,
+    keyframes: Vec<Keyframe>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Keyframe {
+    camera: Vec<f64>,
+    light: Vec<f64>,
+}
+
+/// The keyframes of a path file, at least one.
+pub(crate) fn read(path: &Path, focus: [f64; 3]) -> Result<Vec<Shot>, RenderError> {
+    let text = read_text(path, LONGEST_FILE)?;
+    let malformed = |error: serde_json::Error| {
+        let form = "{\"version\": 1, \"keyframes\": [{\"camera\": [16 numbers], \"light\": [16 numbers or x, y, z]}]}";
+        RenderError::file(path, format!("is no camera and light path: {error}. A path looks like {form}"))
+    };
+    let Header { version } = serde_json::from_str(&text).map_err(malformed)?;
+    if version != VERSION {
+        let problem =
+            format!("is a path file of version {version}, but this program knows version {VERSION} only");
+        return Err(RenderError::file(path, problem));
+    }
+    let file: PathFile = serde_json::from_str(&text).map_err(malformed)?;
+    if file.keyframes.is_empty() {
+        return Err(RenderError::file(path, "has no keyframes: give at least one"));
+    }
+    let keyframe = |(i, keyframe): (usize, &Keyframe)| {
+        let fault = |what: &str, problem: String| {
+            RenderError::file(path, format!("{what} of keyframe {i}: {problem}"))
+        };
+        let camera = pose_of(&keyframe.camera).map_err(|problem| fault("camera", problem))?;
+        let light = match *keyframe.light.as_slice() {
+            [x, y, z] => light_at([x, y, z], focus).ok_or_else(|| "the position is not finite".to_owned()),
+            ref numbers => pose_of(numbers),
+        };
+        Ok(Shot { camera, light: light.map_err(|problem| fault("light", problem))? })
+    };
+    file.keyframes.iter().enumerate().map(keyframe).collect()
+}

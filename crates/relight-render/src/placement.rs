@@ -1,0 +1,99 @@
+//! Cameras and lights as people name them.
+
+use std::path::Path;
+
+use relight_scene::{Camera, Intrinsics, Light, Pose, Scene, scene_bounds};
+
+use crate::error::RenderError;
+use crate::files::read_text;
+
+/// A pose file's longest length, bytes.
+const LONGEST_FILE: u64 = 1 << 16;
+
+/// The point that a scene's cameras look at, world frame, metres: the middle of
+/// [`scene_bounds`](relight_scene::scene_bounds).
+pub fn focus(scene: &Scene) -> [f64; 3] {
+    let bounds = scene_bounds(scene);
+    std::array::from_fn(|i| 0.5 * (f64::from(bounds.lo[i]) + f64::from(bounds.hi[i])))
+}
+
+/// The camera called `name`: the number (label) of one of `cameras`, or a file with the 16 numbers of a 4x4
+/// camera-to-world matrix (row-major, metres, OpenCV axes; as ReNe's pose files, or JSON), which gets the lens of the
+/// first of them.
+///
+/// # Errors
+/// [`RenderError::Placement`] if there is no such camera, [`RenderError::Io`] or [`RenderError::File`] if the file
+/// holds no pose.
+pub fn named_camera(cameras: &[Camera], name: &str) -> Result<(Intrinsics, Pose), RenderError> {
+    if let Ok(label) = name.parse::<usize>() {
+        let found = cameras.iter().find(|camera| camera.label == label);
+        return found
+            .map(|camera| (camera.intrinsics.clone(), camera.pose))
+            .ok_or_else(|| no_such("camera", label, cameras.iter().map(|c| c.label)));
+    }
+    let none = || RenderError::Placement("there are no cameras whose lens could be used".to_owned());
+    let path = Path::new(name);
+    let text = read_text(path, LONGEST_FILE)?;
+    let numbers = numbers(&text)
+        .ok_or_else(|| RenderError::file(path, "holds something other than the numbers of a pose"))?;
+    let pose = pose_of(&numbers).map_err(|problem| RenderError::file(path, problem))?;
+    let lens = cameras.first().ok_or_else(none)?.intrinsics.clone();
+    Ok((lens, pose))
+}
+
+/// The light called `name`: the number (label) of one of `lights`, or a position `X,Y,Z` in the world frame, metres,
+/// or the 16 numbers of a 4x4 light-to-world matrix. A light given by its position alone looks at the focus along
+/// +Z, as ReNe's lights do.
+///
+/// # Errors
+/// [`RenderError::Placement`] if there is no such light or `name` is none of these.
+pub fn named_light(lights: &[Light], focus: [f64; 3], name: &str) -> Result<Pose, RenderError> {
+    if let Ok(label) = name.trim().parse::<usize>() {
+        let found = lights.iter().find(|light| light.label == label);
+        return found
+            .map(|light| light.pose)
+            .ok_or_else(|| no_such("light", label, lights.iter().map(|l| l.label)));
+    }
+    let none = || {
+        RenderError::Placement(format!(
+            "{name:?} is no light: give the number of one, its position as X,Y,Z in metres, or the 16 numbers of its \
+             light-to-world matrix"
+        ))
+    };
+    let numbers = numbers(name).ok_or_else(none)?;
+    match numbers.as_slice() {
+        &[x, y, z] => light_at([x, y, z], focus).ok_or_else(none),
+        numbers if numbers.len() == 16 => pose_of(numbers).map_err(RenderError::Placement),
+        _ => Err(none()),
+    }
+}
+
+/// The pose of a light at `position` in ReNe's convention: light-to-world, +Z towards the focus, +Y as far down as it
+/// can be. `None` if the position is not finite.
+pub(crate) fn light_at(position: [f64; 3], focus: [f64; 3]) -> Option<Pose> {
+    position.iter().all(|c| c.is_finite()).then(|| Pose::look_at(position, focus))
+}
+
+/// The pose of 16 numbers, or what is wrong with them.
+pub(crate) fn pose_of(numbers: &[f64]) -> Result<Pose, String> {
+    let matrix: &[f64; 16] = numbers
+        .try_into()
+        .map_err(|_| format!("{} numbers are no pose: a 4x4 matrix has 16, row by row", numbers.len()))?;
+    Pose::from_matrix(matrix).map_err(|fault| format!("{fault}. Poses are rigid, to-world, in metres"))
+}
+
+/// The numbers of a text in which they are set apart by blanks, commas or brackets; `None` if it holds anything else.
+fn numbers(text: &str) -> Option<Vec<f64>> {
+    text.split(|c: char| c.is_whitespace() || ",;[]".contains(c))
+        .filter(|word| !word.is_empty())
+        .map(|word| word.parse().ok())
+        .collect()
+}
+
+fn no_such(what: &str, label: usize, labels: impl Iterator<Item = usize>) -> RenderError {
+    let (mut lowest, mut highest) = (usize::MAX, 0);
+    labels.for_each(|label| (lowest, highest) = (lowest.min(label), highest.max(label)));
+    let known =
+        if lowest > highest { "has none".to_owned() } else { format!("has numbers {lowest} to {highest}") };
+    RenderError::Placement(format!("there is no {what} {label}: the scene {known}"))
+}
