@@ -114,3 +114,81 @@ fn missing(name: &str, len: usize) -> EngineError {
         "the state has no {name} of {len} numbers: it is not of this field or this engine"
     ))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::architecture::V0;
+    use crate::parameters::{FieldConfig, GridConfig};
+    use relight_scene::Bounds;
+    use serde::Deserialize;
+
+    fn parameters() -> Parameters<f64> {
+        let config = FieldConfig {
+            architecture: V0,
+            grid: GridConfig { levels: 1, features: 2, log2_table: 3, base: 1, finest: 1 },
+            bounds: Bounds { lo: [0.0; 3], hi: [1.0; 3] },
+            density_scale: 1.0,
+        };
+        Parameters::init(config, 0).unwrap().map(f64::from)
+    }
+
+    /// Made by `tools/golden_field.py`: entries of the table, and PyTorch's Adam on each with the steps that touch it.
+    #[derive(Deserialize)]
+    struct Golden {
+        start: Vec<[f64; 2]>,
+        gradients: Vec<Vec<[f64; 2]>>,
+        end: Vec<[f64; 2]>,
+    }
+
+    #[test]
+    fn entries_count_their_own_updates_as_if_each_had_its_own_adam() {
+        let golden: Golden = serde_json::from_str(include_str!("../../tests/golden/adam.json")).unwrap();
+        let mut parameters = parameters();
+        let mut adam = Adam::new(&parameters);
+        let numbers = golden.start.as_flattened().len();
+        parameters.table[..numbers].copy_from_slice(golden.start.as_flattened());
+        for step in &golden.gradients {
+            let mut gradient = parameters.map(|_| 0.0);
+            gradient.table[..numbers].copy_from_slice(step.as_flattened());
+            adam.step(&mut parameters, &gradient, 1e-2);
+        }
+        for (ours, theirs) in parameters.table.iter().zip(golden.end.as_flattened()) {
+            assert!((ours - theirs).abs() < 1e-12, "{ours} {theirs}");
+        }
+        assert_eq!(adam.updates, [6, 3, 4, 0, 0, 0, 0, 0]);
+    }
+
+    #[test]
+    fn a_constant_gradient_moves_networks_by_the_learning_rate() {
+        let start = parameters();
+        let mut parameters = start.clone();
+        let mut adam = Adam::new(&parameters);
+        let gradient = parameters.map(|w| if w > 0.0 { 3.0 } else { -7.0 });
+        for _ in 0..5 {
+            adam.step(&mut parameters, &gradient, 0.125);
+        }
+        for (after, before) in parameters.tensors().into_iter().zip(start.tensors()) {
+            for (a, b) in after.2.iter().zip(before.2) {
+                assert!((a - (b - 0.625 * b.signum())).abs() < 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn state_restores_the_optimiser_and_refuses_another_fields() {
+        let mut parameters = parameters();
+        let mut adam = Adam::new(&parameters);
+        let gradient = parameters.map(|w| f64::from(w as f32));
+        adam.step(&mut parameters, &gradient, 0.1);
+        let state = adam.state();
+        let restored = Adam::restore(&parameters, &state).unwrap();
+        assert_eq!(restored.state(), state);
+        for name in state.keys() {
+            let mut broken = state.clone();
+            broken.insert(name.clone(), StateTensor::U8(vec![1]));
+            let message = Adam::restore(&parameters, &broken).unwrap_err().to_string();
+            assert!(message.contains(name), "{message}");
+        }
+    }
+}
