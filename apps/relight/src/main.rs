@@ -1,1 +1,85 @@
-fn main() {}
+//! The command line of relight.
+
+mod commands;
+mod console;
+mod engines;
+mod report_page;
+mod session;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use commands::{compare, demo, eval, export, query, render, scene, train};
+
+/// Turns one-light-at-a-time photographs into a scene that can be seen and lit from anywhere.
+///
+/// A scene is a folder of photographs: many cameras, many lights, one light on at a time. Training makes a field of
+/// it, and the field draws any view under any light.
+#[derive(Parser)]
+#[command(
+    name = "relight",
+    version,
+    after_help = "Start here:\n  relight demo                                  make a tiny scene, train on it, score it, relight it\n  \
+                  relight scene check SCENE                     is my folder all right?\n  \
+                  relight train SCENE --out RUN --minutes 10    train\n  \
+                  relight eval RUN --split easy                 score\n  \
+                  relight render RUN --path orbit --out a.mp4   look\n\n\
+                  Results go to standard output, progress to standard error. The exit status is 0 if all that was asked \
+                  was done,\n1 after a failure, 2 after bad arguments."
+)]
+struct Cli {
+    /// Say more: -v what is decided, -vv every detail.
+    #[arg(short, long, action = clap::ArgAction::Count, global = true)]
+    verbose: u8,
+    /// Say nothing but errors and results.
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    quiet: bool,
+    /// Threads to work with; all cores without it. Results do not depend on it.
+    #[arg(long, value_name = "N", global = true)]
+    threads: Option<std::num::NonZeroUsize>,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Demo(demo::Args),
+    Scene(scene::Args),
+    Train(train::Args),
+    Eval(eval::Args),
+    Render(render::Args),
+    Query(query::Args),
+    Export(export::Args),
+    Compare(compare::Args),
+}
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    console::start_logging(cli.verbose, cli.quiet);
+    match run(cli) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            // Each error is printed once, with its causes.
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(cli: Cli) -> anyhow::Result<()> {
+    if let Some(threads) = cli.threads {
+        rayon::ThreadPoolBuilder::new().num_threads(threads.get()).build_global()?;
+    }
+    let quiet = cli.quiet;
+    match cli.command {
+        Command::Demo(args) => demo::run(&args, quiet),
+        Command::Scene(args) => scene::run(&args, quiet),
+        Command::Train(args) => train::run(&args, quiet),
+        Command::Eval(args) => eval::run(&args, quiet),
+        Command::Render(args) => render::run(&args, quiet),
+        Command::Query(args) => query::run(&args),
+        Command::Export(args) => export::run(&args),
+        Command::Compare(args) => compare::run(&args),
+    }
+}

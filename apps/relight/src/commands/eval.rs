@@ -1,0 +1,86 @@
+//! `relight eval`: scores of a run.
+
+use std::fs;
+use std::path::PathBuf;
+
+use anyhow::bail;
+use relight_scene::{PixelStore, Scene, Split, Splits};
+use relight_train::TrainError;
+use relight_train::evaluation::{Drawn, Evaluation, Scores, evaluate};
+use relight_train::run::RunFolder;
+
+use crate::console::{Progress, cancel_flag, print_json, print_line, unless};
+use crate::engines;
+use crate::session::check_splits;
+
+/// Score a trained run on images that it has not seen.
+///
+/// Draws each image of the split and compares it with the photograph: PSNR and SSIM (11x11 Gaussian window) of the
+/// 8-bit pictures, averaged over images. Two baselines that learn nothing stand beside: the mean of all training
+/// images, and the image of the nearest training camera under the nearest training light.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  relight eval RUN                              the validation split\n  \
+                  relight eval RUN --split hard --json          unseen cameras under unseen lights\n  \
+                  relight eval RUN --split easy --images DIR    keep the pictures\n\n\
+                  Scores at reduced resolution are higher than at full resolution: never compare the two.")]
+pub struct Args {
+    /// Folder of a trained run.
+    run: PathBuf,
+    /// val (held-out images of training cameras), easy (unseen cameras), hard (unseen cameras and lights).
+    #[arg(long, default_value = "val")]
+    split: Split,
+    /// Folder of the scene, where it is not where it was.
+    #[arg(long)]
+    scene: Option<PathBuf>,
+    /// Folder for the pictures, named {scene}_{light}_{camera}.png.
+    #[arg(long, value_name = "DIR")]
+    images: Option<PathBuf>,
+    /// One JSON object on standard output.
+    #[arg(long)]
+    json: bool,
+}
+
+pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
+    let (run, config) = RunFolder::open(&args.run)?;
+    let scene = Scene::open(args.scene.as_ref().unwrap_or(&config.scene))?;
+    let splits = Splits::of(&scene)?;
+    check_splits(&scene, &splits, &config)?;
+    let engine = engines::of_run(&run, &config)?;
+    let pixels = PixelStore::load(&scene, &splits.train, &|_, _| {})?;
+    if let Some(folder) = &args.images {
+        fs::create_dir_all(folder).map_err(|source| TrainError::Io { path: folder.clone(), source })?;
+    }
+    let bar = Progress::new("scoring", splits.get(args.split).len() as u64, quiet);
+    let cancel = cancel_flag()?;
+    let result =
+        evaluate(&scene, &splits, args.split, &pixels, &config.model, engine.as_ref(), &mut |drawn| {
+            let Drawn { done, all, .. } = drawn;
+            bar.update(done as u64, all as u64, || format!("{done} of {all} images"));
+            if let Some(folder) = &args.images {
+                let frame = &scene.frames[drawn.frame];
+                let (light, camera) = (scene.lights[frame.light].label, scene.cameras[frame.camera].label);
+                let name = format!("{}_{light:02}_{camera:02}.png", scene.name);
+                drawn.image.write_png(&folder.join(name))?;
+            }
+            Ok(unless(cancel))
+        })?;
+    let Some(scores) = result else { bail!("stopped before all images were scored") };
+    bar.finish(&format!("{} images scored", scores.images.len()));
+    if args.json { print_json(&scores) } else { print_line(&table(&scores)) }
+}
+
+/// The scores as a table for people.
+fn table(scores: &Evaluation) -> String {
+    let row = |name: &str, s: Option<Scores>| match s {
+        Some(s) => format!("{name:<14} {:>6.2} dB  {:.4}", s.psnr, s.ssim),
+        None => format!("{name:<14} does not apply to this scene"),
+    };
+    [
+        format!("{}, split {}, {} images", scores.scene, scores.split, scores.images.len()),
+        format!("{:<14} {:>9}  {}", "", "PSNR", "SSIM"),
+        row(&scores.model, Some(scores.mean)),
+        row("mean-image", scores.baselines.mean_image),
+        row("nearest-light", scores.baselines.nearest_light),
+    ]
+    .join("\n")
+}

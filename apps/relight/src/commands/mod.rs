@@ -1,0 +1,10 @@
+//! One file a command.
+
+pub mod compare;
+pub mod demo;
+pub mod eval;
+pub mod export;
+pub mod query;
+pub mod render;
+pub mod scene;
+pub mod train;

@@ -1,0 +1,124 @@
+//! `relight query`: the field itself at given points.
+
+use std::fs;
+use std::path::PathBuf;
+
+use anyhow::{Context, bail, ensure};
+use relight_field::architecture::LightInput;
+use relight_field::engine::{LightPose, Points};
+use relight_train::run::RunFolder;
+use serde::{Deserialize, Serialize};
+
+use crate::console::print_json;
+use crate::engines;
+
+/// Most points in a file; a file with more is a mistake.
+const MAX_POINTS: usize = 10_000_000;
+
+/// Evaluate the field at points of the world.
+///
+/// Reads {"points":[[x,y,z],…],"directions":[[x,y,z],…],"light":[16 numbers]}: metres, world frame; directions point
+/// from the camera into the scene and are made unit vectors; the light is its 4x4 light-to-world matrix, row by row.
+/// Writes {"density":[…],"rgb":[[r,g,b],…],"visibility":[…] or null}: density per metre, rgb the radiance with
+/// visibility included, in 0..1.
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  relight query RUN points.json --json > values.json")]
+pub struct Args {
+    /// Folder of a trained run.
+    run: PathBuf,
+    /// The points.
+    points: PathBuf,
+    /// JSON on standard output (the only form there is).
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Question {
+    points: Vec<[f32; 3]>,
+    directions: Vec<[f32; 3]>,
+    #[serde(default)]
+    light: Option<[f32; 16]>,
+}
+
+#[derive(Serialize)]
+struct Answer {
+    density: Vec<f32>,
+    rgb: Vec<[f32; 3]>,
+    visibility: Option<Vec<f32>>,
+}
+
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let (run, config) = RunFolder::open(&args.run)?;
+    let file = args.points.display().to_string();
+    let text = fs::read_to_string(&args.points).with_context(|| file.clone())?;
+    let points = parse(&text).with_context(|| file.clone())?;
+    if points.light.is_none() && config.field()?.architecture.light != LightInput::None {
+        bail!("{file}: no \"light\": model {} needs the light's 16 numbers, row by row", config.model);
+    }
+    let engine = engines::of_run(&run, &config)?;
+    let values = engine.query(&points)?;
+    print_json(&Answer { density: values.density, rgb: values.rgb, visibility: values.visibility })
+}
+
+/// Reads the question and checks every number of it.
+fn parse(text: &str) -> anyhow::Result<Points> {
+    let question: Question = serde_json::from_str(text)
+        .context("not {\"points\":[[x,y,z]…],\"directions\":[[x,y,z]…],\"light\":[16 numbers]}")?;
+    let n = question.points.len();
+    ensure!(n <= MAX_POINTS, "{n} points; at most {MAX_POINTS} at once: split the file");
+    ensure!(
+        question.directions.len() == n,
+        "{n} points but {} directions; each point needs one",
+        question.directions.len()
+    );
+    if let Some(i) = question.points.iter().position(|p| p.iter().any(|c| !c.is_finite())) {
+        bail!("point {i} is not finite");
+    }
+    let directions = question.directions.iter().enumerate().map(|(i, d)| {
+        let norm = d.iter().map(|c| c * c).sum::<f32>().sqrt();
+        ensure!(norm.is_finite() && norm > 0.0, "direction {i} has no direction: {d:?}");
+        Ok(d.map(|c| c / norm))
+    });
+    let directions = directions.collect::<anyhow::Result<_>>()?;
+    let light = question.light.map(|m| {
+        ensure!(m.iter().all(|c| c.is_finite()), "\"light\" is not finite");
+        ensure!(
+            m[12..] == [0.0, 0.0, 0.0, 1.0],
+            "the last row of \"light\" is {:?}; a light-to-world matrix written row by row ends in 0 0 0 1",
+            &m[12..]
+        );
+        let mut pose = [0.0; 12];
+        pose.copy_from_slice(&m[..12]);
+        Ok(LightPose(pose))
+    });
+    Ok(Points { positions: question.points, directions, light: light.transpose()? })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LIGHT: &str = "[1,0,0,0, 0,1,0,0, 0,0,1,0.5, 0,0,0,1]";
+
+    #[test]
+    fn directions_become_unit_vectors_and_the_light_keeps_its_position() {
+        let text = format!(r#"{{"points":[[0,0,1]],"directions":[[0,0,-2]],"light":{LIGHT}}}"#);
+        let points = parse(&text).unwrap();
+        assert_eq!(points.directions, [[0.0, 0.0, -1.0]]);
+        assert_eq!(points.light.unwrap().position(), [0.0, 0.0, 0.5]);
+    }
+
+    #[test]
+    fn faults_are_named() {
+        let fault = |text: &str| format!("{:#}", parse(text).unwrap_err());
+        assert!(fault(r#"{"points":[[0,0,1]],"directions":[]}"#).contains("0 directions"));
+        assert!(fault(r#"{"points":[[0,0,1]],"directions":[[0,0,0]]}"#).contains("direction 0"));
+        assert!(fault(r#"{"points":[[0,0]],"directions":[[0,0,1]]}"#).contains("line 1"));
+        assert!(fault(r#"{"points":[],"directions":[],"light":[1,2]}"#).contains("16 numbers"));
+        let column_major = "[1,0,0,0, 0,1,0,0, 0,0,1,0, 0,0,0.5,1]";
+        let text = format!(r#"{{"points":[],"directions":[],"light":{column_major}}}"#);
+        assert!(fault(&text).contains("row by row"));
+    }
+}

@@ -1,0 +1,160 @@
+//! `relight render`: pictures and films of a run.
+
+use std::num::NonZeroU32;
+use std::path::{Path, PathBuf};
+
+use anyhow::{bail, ensure};
+use relight_field::engine::{Engine, RenderSettings};
+use relight_render::{Film, Map, focus, named_camera, named_light, paths, render, write_picture};
+use relight_scene::{Intrinsics, Scene};
+use relight_train::run::RunFolder;
+
+use crate::console::{Progress, cancel_flag, unless};
+use crate::engines;
+
+/// Render a view under a light, or a film along a path.
+///
+/// A camera is the number of one of the scene's cameras, or a file with the 16 numbers of its camera-to-world matrix.
+/// A light is the number of one of the scene's lights, its position X,Y,Z in metres, or the 16 numbers of its
+/// light-to-world matrix.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  relight render RUN --camera 4 --light 21 --out view.png\n  \
+                  relight render RUN --camera 4 --light 0.2,-0.1,0.3 --map visibility --out shadow.exr\n  \
+                  relight render RUN --path orbit --out orbit.mp4      the camera moves\n  \
+                  relight render RUN --path lights --out frames/       the light moves; PNGs\n  \
+                  relight render RUN --path keys.json --out film.mp4   see docs/formats.md\n\n\
+                  PNG holds 8-bit sRGB. EXR holds 32-bit linear colour, or metres, or shares in 0..1.")]
+pub struct Args {
+    /// Folder of a trained run.
+    run: PathBuf,
+    /// Picture (.png, .exr), or film (.mp4, or a folder for PNGs).
+    #[arg(long, value_name = "FILE|DIR")]
+    out: PathBuf,
+    /// Camera: a number, or a file with a pose. [default for a film: the scene's first]
+    #[arg(long, value_name = "INDEX|FILE", required_unless_present = "path")]
+    camera: Option<String>,
+    /// Light: a number, a position, or a matrix. [default for a film: the scene's first]
+    #[arg(
+        long,
+        value_name = "INDEX|X,Y,Z[,…]",
+        required_unless_present = "path",
+        allow_hyphen_values = true
+    )]
+    light: Option<String>,
+    /// Draw a film: `orbit` moves the camera, `lights` the light, a file both.
+    #[arg(long, value_name = "orbit|lights|FILE")]
+    path: Option<String>,
+    /// Frames of a film.
+    #[arg(long, default_value_t = 120, requires = "path")]
+    frames: usize,
+    /// Frames a second.
+    #[arg(long, default_value = "30", requires = "path")]
+    fps: NonZeroU32,
+    /// Size in pixels; the camera's own without it.
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    size: Option<(u32, u32)>,
+    /// What to draw: final, visibility, reflectance, depth or opacity.
+    #[arg(long, default_value = "final")]
+    map: Map,
+    /// Samples a ray; as in training without it.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=4096))]
+    samples: Option<u32>,
+    /// Folder of the scene, where it is not where it was.
+    #[arg(long)]
+    scene: Option<PathBuf>,
+}
+
+pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
+    let (run, config) = RunFolder::open(&args.run)?;
+    let scene = Scene::open(args.scene.as_ref().unwrap_or(&config.scene))?;
+    let engine = engines::of_run(&run, &config)?;
+    match &args.path {
+        Some(path) => film(args, path, &scene, engine.as_ref(), quiet),
+        None => picture(args, &scene, engine.as_ref(), quiet),
+    }
+}
+
+/// Draws one picture.
+fn picture(args: &Args, scene: &Scene, engine: &dyn Engine, quiet: bool) -> anyhow::Result<()> {
+    let (Some(camera), Some(light)) = (&args.camera, &args.light) else {
+        bail!("--camera and --light are needed without --path");
+    };
+    let (lens, pose) = named_camera(&scene.cameras, camera)?;
+    let light = named_light(&scene.lights, focus(scene), light)?;
+    let cancel = cancel_flag()?;
+    let bar = Progress::new("drawing", 1, quiet);
+    let lens = resized(&lens, args.size);
+    let mut progress = |done: usize, all: usize| {
+        bar.update(done as u64, all as u64, String::new);
+        unless(cancel)
+    };
+    let picture = render(engine, &lens, &pose, &light, args.map.outputs(), &settings(args), &mut progress);
+    bar.clear();
+    Ok(write_picture(&picture?, args.map, &args.out)?)
+}
+
+/// Draws a film.
+fn film(args: &Args, path: &str, scene: &Scene, engine: &dyn Engine, quiet: bool) -> anyhow::Result<()> {
+    ensure!(!scene.cameras.is_empty() && !scene.lights.is_empty(), "{} has no cameras or lights", scene.name);
+    let first_camera = scene.cameras[0].label.to_string();
+    let first_light = scene.lights[0].label.to_string();
+    let (lens, pose) = named_camera(&scene.cameras, args.camera.as_ref().unwrap_or(&first_camera))?;
+    let focus = focus(scene);
+    let light = named_light(&scene.lights, focus, args.light.as_ref().unwrap_or(&first_light))?;
+    let shots = match path {
+        "orbit" => paths::orbit(&scene.cameras, &lens, focus, &light, args.frames)?,
+        "lights" => paths::lights(&scene.lights, focus, &pose, args.frames)?,
+        file => paths::from_file(Path::new(file), focus, args.frames)?,
+    };
+    let lens = resized(&lens, args.size);
+    let cancel = cancel_flag()?;
+    let bar = Progress::new("filming", shots.len() as u64, quiet);
+    let mut film = Film::create(&args.out, args.fps, shots.len())?;
+    let mut near_far = None;
+    for (done, shot) in shots.iter().enumerate() {
+        let picture = render(
+            engine,
+            &lens,
+            &shot.camera,
+            &shot.light,
+            args.map.outputs(),
+            &settings(args),
+            &mut |_, _| unless(cancel),
+        )?;
+        let near_far = *near_far.get_or_insert_with(|| picture.near_far());
+        film.push(&picture.image(args.map, Some(near_far))?)?;
+        bar.update(done as u64 + 1, shots.len() as u64, String::new);
+    }
+    film.finish()?;
+    bar.finish(&format!("{}: {} frames", args.out.display(), shots.len()));
+    Ok(())
+}
+
+fn settings(args: &Args) -> RenderSettings {
+    RenderSettings { samples: args.samples.map(|n| n as usize) }
+}
+
+fn resized(lens: &Intrinsics, size: Option<(u32, u32)>) -> Intrinsics {
+    size.map_or_else(|| lens.clone(), |(width, height)| lens.resized(width, height))
+}
+
+/// A size as `640x480`.
+fn size(text: &str) -> Result<(u32, u32), String> {
+    let side = |text: &str| text.parse::<u32>().ok().filter(|side| (1..=16_384).contains(side));
+    text.split_once(['x', 'X'])
+        .and_then(|(w, h)| side(w).zip(side(h)))
+        .ok_or_else(|| "a size is two numbers of pixels, as 640x480".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_read_and_checked() {
+        assert_eq!(size("640x480"), Ok((640, 480)));
+        for bad in ["640", "0x4", "axb", "640x480x3", "99999x1"] {
+            assert!(size(bad).is_err(), "{bad}");
+        }
+    }
+}

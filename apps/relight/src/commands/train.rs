@@ -1,0 +1,208 @@
+//! `relight train`: from a scene to a field.
+
+use std::fs;
+use std::path::PathBuf;
+
+use anyhow::{Context, bail, ensure};
+use clap::ValueEnum;
+use relight_field::architecture::VARIANTS;
+use relight_scene::Bounds;
+use relight_train::recipe::Recipe;
+use relight_train::run::{FORMAT, RunConfig, RunFolder, splits_fingerprint};
+use relight_train::schedule::Budget;
+use relight_train::trainer::Ending;
+
+use crate::engines::Device;
+use crate::session::{Prepared, train};
+
+/// Train a field on a scene.
+///
+/// Reads the training and validation images of SCENE and leaves in RUN: config.toml (all that is needed to repeat the
+/// run), weights.safetensors (the best by validation), metrics.jsonl, previews, and a checkpoint from which --resume
+/// continues the very same run after a kill at any moment.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  relight train SCENE --out RUN --minutes 10\n  \
+                  relight train SCENE --out RUN --resume           go on where it was stopped\n  \
+                  relight train SCENE --out RUN --preset paper     the published recipe, slow\n\n\
+                  Without --steps and --minutes it trains until validation stops improving. A run with --steps and one \
+                  seed gives\nthe same numbers each time on one machine; with --minutes the machine's speed decides.")]
+pub struct Args {
+    /// Folder of the scene.
+    scene: PathBuf,
+    /// Folder of the run, made anew.
+    #[arg(long, value_name = "RUN")]
+    out: PathBuf,
+    /// Architecture: v0 (knows no light) to v5 (the paper's own, with visibility). [default: v5]
+    #[arg(long, value_parser = VARIANTS.map(|(name, _)| name), ignore_case = true)]
+    model: Option<String>,
+    /// How to train: `fast` is ours, `paper` the published recipe to the letter. [default: fast]
+    #[arg(long)]
+    preset: Option<Preset>,
+    /// Settings to use instead of the preset's: a TOML file as in config.toml's [recipe].
+    #[arg(long, value_name = "FILE.toml", conflicts_with = "resume")]
+    recipe: Option<PathBuf>,
+    /// Steps to train for.
+    #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
+    steps: Option<u64>,
+    /// Minutes to train for, loading of the images not counted.
+    #[arg(long, value_parser = positive)]
+    minutes: Option<f64>,
+    /// Where to train.
+    #[arg(long, default_value = "auto")]
+    device: Device,
+    /// Seed of every random draw. [default: 0]
+    #[arg(long)]
+    seed: Option<u32>,
+    /// World box of the field, metres; found from the scene without it.
+    #[arg(long, value_name = "X0,Y0,Z0,X1,Y1,Z1", value_parser = bounds, allow_hyphen_values = true)]
+    bounds: Option<Bounds>,
+    /// Continue the run in RUN; start it if there is none.
+    #[arg(long)]
+    resume: bool,
+    /// One JSON object a line on standard output while it trains.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Preset {
+    Fast,
+    Paper,
+}
+
+impl Preset {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Fast => "fast",
+            Self::Paper => "paper",
+        }
+    }
+
+    fn recipe(self) -> Recipe {
+        match self {
+            Self::Fast => Recipe::fast(),
+            Self::Paper => Recipe::paper(),
+        }
+    }
+}
+
+pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
+    let resumed = args.resume && RunFolder::exists(&args.out);
+    // Told before minutes are spent on loading.
+    ensure!(
+        resumed || !RunFolder::exists(&args.out),
+        "{}: holds a run already: continue it with --resume, or choose another folder",
+        args.out.display()
+    );
+    let recipe = if resumed { None } else { Some(recipe(args)?) };
+    let data = Prepared::load(&args.scene, quiet)?;
+    let (run, config) = match recipe {
+        None => continued(args, &data)?,
+        Some(recipe) => {
+            let config = RunConfig {
+                format: FORMAT.to_owned(),
+                scene: data.scene.root.canonicalize().unwrap_or_else(|_| data.scene.root.clone()),
+                scene_name: data.scene.name.clone(),
+                model: args.model.clone().unwrap_or_else(|| "v5".to_owned()).to_lowercase(),
+                preset: args.preset.unwrap_or(Preset::Fast).name().to_owned(),
+                seed: args.seed.unwrap_or(0),
+                splits: splits_fingerprint(&data.scene, &data.splits),
+                budget: Budget { steps: args.steps, minutes: args.minutes },
+                bounds: args.bounds.unwrap_or_else(|| data.bounds()),
+                recipe,
+            };
+            (RunFolder::create(&args.out, &config)?, config)
+        }
+    };
+    let outcome = train(&run, &config, &data, args.device, args.json, quiet)?;
+    match outcome.ending {
+        Ending::Budget | Ending::Plateau => Ok(()),
+        Ending::Cancelled => bail!(
+            "stopped at step {}; continue with relight train {} --out {} --resume",
+            outcome.standing.step,
+            args.scene.display(),
+            args.out.display()
+        ),
+    }
+}
+
+/// The recipe of a new run: the preset's, with the settings of `--recipe` in place of its own.
+fn recipe(args: &Args) -> anyhow::Result<Recipe> {
+    let preset = args.preset.unwrap_or(Preset::Fast).recipe();
+    let Some(path) = &args.recipe else { return Ok(preset) };
+    let changed = || -> anyhow::Result<Recipe> {
+        let mut settings = toml::Table::try_from(&preset)?;
+        settings.extend(toml::from_str::<toml::Table>(&fs::read_to_string(path)?)?);
+        let recipe: Recipe = settings.try_into()?;
+        recipe.validate()?;
+        Ok(recipe)
+    };
+    changed().with_context(|| path.display().to_string())
+}
+
+/// The run to continue, after a check that the arguments do not ask for another one. A new budget replaces the old.
+fn continued(args: &Args, data: &Prepared) -> anyhow::Result<(RunFolder, RunConfig)> {
+    let (run, mut config) = RunFolder::open(&args.out)?;
+    let differs = |what: &str, there: &dyn std::fmt::Display| {
+        anyhow::anyhow!(
+            "{}: this run has {what} {there}; leave the option out, or train into another folder",
+            args.out.display()
+        )
+    };
+    if args.model.as_ref().is_some_and(|m| !m.eq_ignore_ascii_case(&config.model)) {
+        return Err(differs("model", &config.model));
+    }
+    if args.preset.is_some_and(|p| p.name() != config.preset) {
+        return Err(differs("preset", &config.preset));
+    }
+    if args.seed.is_some_and(|s| s != config.seed) {
+        return Err(differs("seed", &config.seed));
+    }
+    if args.bounds.is_some_and(|b| b != config.bounds) {
+        return Err(differs("bounds", &format!("{:?} to {:?}", config.bounds.lo, config.bounds.hi)));
+    }
+    data.check_splits(&config)?;
+    if args.steps.is_some() || args.minutes.is_some() {
+        config.budget = Budget { steps: args.steps, minutes: args.minutes };
+        run.write_config(&config)?;
+    }
+    Ok((run, config))
+}
+
+/// A positive, finite number.
+pub fn positive(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
+    if value.is_finite() && value > 0.0 { Ok(value) } else { Err("must be above 0".to_owned()) }
+}
+
+/// A box from its six numbers.
+fn bounds(text: &str) -> Result<Bounds, String> {
+    let numbers: Vec<f32> = text
+        .split(',')
+        .map(|n| {
+            n.trim().parse::<f32>().ok().filter(|v| v.is_finite()).ok_or(format!("\"{n}\" is no number"))
+        })
+        .collect::<Result<_, _>>()?;
+    let [x0, y0, z0, x1, y1, z1] = numbers[..] else {
+        return Err(format!("{} numbers; a box has six: x0,y0,z0,x1,y1,z1", numbers.len()));
+    };
+    if x0 < x1 && y0 < y1 && z0 < z1 {
+        Ok(Bounds { lo: [x0, y0, z0], hi: [x1, y1, z1] })
+    } else {
+        Err("each low corner must be below the high one: x0,y0,z0,x1,y1,z1".to_owned())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn boxes_are_read_and_checked() {
+        let b = bounds("-0.5,-0.5, -0.1,0.5,0.5,0.6").unwrap();
+        assert_eq!((b.lo, b.hi), ([-0.5, -0.5, -0.1], [0.5, 0.5, 0.6]));
+        assert!(bounds("1,2,3").unwrap_err().contains("six"));
+        assert!(bounds("0,0,0,1,1,nan").unwrap_err().contains("nan"));
+        assert!(bounds("0,0,0,1,-1,1").unwrap_err().contains("below"));
+    }
+}

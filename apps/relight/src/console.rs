@@ -1,0 +1,128 @@
+//! Talking to whoever started the program: logs and progress on standard error, results on standard output, Ctrl-C.
+
+use std::io::{IsTerminal, Write};
+use std::ops::ControlFlow;
+use std::sync::Mutex;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use anyhow::Context;
+use indicatif::{ProgressBar, ProgressStyle};
+use serde::Serialize;
+
+/// Time between plain lines of progress.
+const LINE_EVERY: Duration = Duration::from_secs(10);
+
+/// Sends logs to standard error: warnings, or more with `verbose`, or errors only.
+pub fn start_logging(verbose: u8, quiet: bool) {
+    let level = match (quiet, verbose) {
+        (true, _) => tracing::Level::ERROR,
+        (_, 0) => tracing::Level::WARN,
+        (_, 1) => tracing::Level::INFO,
+        (_, 2) => tracing::Level::DEBUG,
+        _ => tracing::Level::TRACE,
+    };
+    tracing_subscriber::fmt()
+        .with_max_level(level)
+        .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal())
+        .with_target(false)
+        .without_time()
+        .init();
+}
+
+/// Writes `value` to standard output as JSON on one line.
+pub fn print_json(value: &impl Serialize) -> anyhow::Result<()> {
+    print_line(&serde_json::to_string(value)?)
+}
+
+/// Writes a line to standard output.
+pub fn print_line(line: &str) -> anyhow::Result<()> {
+    let mut out = std::io::stdout().lock();
+    writeln!(out, "{line}").and_then(|()| out.flush()).context("standard output")
+}
+
+/// Progress of one long piece of work: a bar on a terminal, a plain line now and then elsewhere.
+pub struct Progress {
+    bar: Option<ProgressBar>,
+    name: &'static str,
+    /// When the last plain line was written; `None` for silence.
+    line: Option<Mutex<Instant>>,
+}
+
+impl Progress {
+    /// Progress of `name` towards `length`, silent if `quiet`.
+    pub fn new(name: &'static str, length: u64, quiet: bool) -> Self {
+        let terminal = std::io::stderr().is_terminal();
+        let bar = (terminal && !quiet).then(|| {
+            let bar = ProgressBar::new(length);
+            let template = "{prefix:>10} {bar:32} {percent:>3}% {eta:>4} left  {msg}";
+            if let Ok(style) = ProgressStyle::with_template(template) {
+                bar.set_style(style);
+            }
+            bar.set_prefix(name);
+            bar
+        });
+        let line = (!terminal && !quiet).then(|| Mutex::new(Instant::now()));
+        Self { bar, name, line }
+    }
+
+    /// Tells that `done` of `length` is done.
+    pub fn update(&self, done: u64, length: u64, message: impl FnOnce() -> String) {
+        if let Some(bar) = &self.bar {
+            bar.set_length(length);
+            bar.set_position(done);
+            bar.set_message(message());
+        } else if let Some(mut last) = self.line.as_ref().and_then(|l| l.lock().ok())
+            && last.elapsed() >= LINE_EVERY
+        {
+            *last = Instant::now();
+            eprintln!("{}: {}% {}", self.name, 100 * done / length.max(1), message());
+        }
+    }
+
+    /// Writes a line that stays.
+    pub fn note(&self, line: &str) {
+        match &self.bar {
+            Some(bar) => bar.println(line),
+            None if self.line.is_some() => eprintln!("{line}"),
+            None => {}
+        }
+    }
+
+    /// Ends the work and takes the bar away.
+    pub fn clear(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+
+    /// Ends the work, with a last line.
+    pub fn finish(self, line: &str) {
+        self.clear();
+        if self.bar.is_some() || self.line.is_some() {
+            eprintln!("{line}");
+        }
+    }
+}
+
+/// A flag that the first Ctrl-C (or SIGTERM) sets; the second ends the program at once.
+pub fn cancel_flag() -> anyhow::Result<&'static AtomicBool> {
+    static FLAG: AtomicBool = AtomicBool::new(false);
+    static HANDLER: OnceLock<()> = OnceLock::new();
+    if HANDLER.set(()).is_ok() {
+        ctrlc::set_handler(|| {
+            if FLAG.swap(true, Ordering::Relaxed) {
+                std::process::exit(130);
+            }
+            eprintln!("stopping; once more to stop at once");
+        })?;
+    }
+    Ok(&FLAG)
+}
+
+/// Goes on unless the flag is set.
+pub fn unless(cancel: &AtomicBool) -> ControlFlow<()> {
+    if cancel.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+}

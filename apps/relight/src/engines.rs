@@ -1,0 +1,46 @@
+//! Which engine trains and draws.
+
+use anyhow::{Context, bail};
+use clap::ValueEnum;
+use relight_cpu::CpuEngine;
+use relight_field::engine::Engine;
+use relight_field::parameters::Parameters;
+use relight_field::sampling::EngineConfig;
+use relight_field::weights_file;
+use relight_train::run::{RunConfig, RunFolder};
+
+/// Where a field is trained and drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Device {
+    /// The fastest there is.
+    Auto,
+    /// All cores of the processor.
+    Cpu,
+    /// The graphics card.
+    Gpu,
+}
+
+/// An engine that holds `parameters`.
+pub fn create(
+    device: Device,
+    parameters: &Parameters,
+    config: EngineConfig,
+) -> anyhow::Result<Box<dyn Engine>> {
+    match device {
+        Device::Auto | Device::Cpu => Ok(Box::new(CpuEngine::new(parameters, config)?)),
+        Device::Gpu => bail!("--device gpu: this build has no GPU engine; use --device cpu"),
+    }
+}
+
+/// An engine that holds the best weights of a run.
+pub fn of_run(run: &RunFolder, config: &RunConfig) -> anyhow::Result<Box<dyn Engine>> {
+    let path = run.weights();
+    if !path.is_file() {
+        bail!(
+            "{}: missing: the run was stopped before its first validation; continue it with relight train … --resume",
+            path.display()
+        );
+    }
+    let parameters = weights_file::load(&path)?;
+    create(Device::Auto, &parameters, config.engine()).with_context(|| path.display().to_string())
+}

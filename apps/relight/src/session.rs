@@ -1,0 +1,118 @@
+//! From the folder of a scene to a trained run: what `train` and `demo` share.
+
+use std::path::Path;
+use std::sync::atomic::Ordering;
+
+use anyhow::ensure;
+use relight_field::parameters::Parameters;
+use relight_scene::{Bounds, PixelStore, Scene, Splits, scene_bounds};
+use relight_train::batch::DepthPrior;
+use relight_train::run::{RunConfig, RunFolder, splits_fingerprint};
+use relight_train::trainer::{Ending, Event, Outcome, Trainer, TrainingData};
+
+use crate::console::{Progress, cancel_flag, print_json};
+use crate::engines::{self, Device};
+
+/// A scene that is ready to be trained on.
+pub struct Prepared {
+    pub scene: Scene,
+    pub splits: Splits,
+    pub pixels: PixelStore,
+    depths: Option<DepthPrior>,
+}
+
+impl Prepared {
+    /// Opens the scene at `path` and loads its training images.
+    pub fn load(path: &Path, quiet: bool) -> anyhow::Result<Self> {
+        let scene = Scene::open(path)?;
+        let splits = Splits::of(&scene)?;
+        let bar = Progress::new("loading", splits.train.len() as u64, quiet);
+        let pixels = PixelStore::load(&scene, &splits.train, &|done, all| {
+            bar.update(done as u64, all as u64, || format!("{done} of {all} images"));
+        })?;
+        bar.finish(&format!("{}: {} training images", scene.name, splits.train.len()));
+        Ok(Self { scene, splits, pixels, depths: None })
+    }
+
+    /// The world box to train in.
+    pub fn bounds(&self) -> Bounds {
+        scene_bounds(&self.scene)
+    }
+
+    /// Checks that the scene's splits are those that a run was trained with.
+    pub fn check_splits(&self, config: &RunConfig) -> anyhow::Result<()> {
+        check_splits(&self.scene, &self.splits, config)
+    }
+}
+
+/// Checks that the splits of `scene` are those that a run was trained with.
+pub fn check_splits(scene: &Scene, splits: &Splits, config: &RunConfig) -> anyhow::Result<()> {
+    ensure!(
+        splits_fingerprint(scene, splits) == config.splits,
+        "{}: the splits are not those this run was trained with, so its training images and the ones held out would \
+         mix; restore the scene's splits.json, or train anew",
+        scene.root.display()
+    );
+    Ok(())
+}
+
+/// Trains `run` to the end of its budget or until Ctrl-C.
+pub fn train(
+    run: &RunFolder,
+    config: &RunConfig,
+    data: &Prepared,
+    device: Device,
+    json: bool,
+    quiet: bool,
+) -> anyhow::Result<Outcome> {
+    let first = Parameters::init(config.field()?, u64::from(config.seed))?;
+    let engine = engines::create(device, &first, config.engine())?;
+    let training = TrainingData {
+        scene: &data.scene,
+        splits: &data.splits,
+        pixels: &data.pixels,
+        depths: data.depths.as_ref(),
+    };
+    let mut trainer = Trainer::new(run, config, training, engine)?;
+    let cancel = cancel_flag()?;
+    let bar = Progress::new("training", 1000, quiet);
+    if trainer.standing().step > 0 {
+        bar.note(&format!("continuing at step {}", trainer.standing().step));
+    }
+    let (mut rate, mut lost_output) = (0.0, None);
+    let outcome = trainer.train(
+        &mut |event: Event<'_>| match event {
+            Event::Step { standing, progress, loss } => bar.update((progress * 1000.0) as u64, 1000, || {
+                let psnr = standing.best.map_or(String::new(), |b| format!(", best {:.2} dB", b.psnr));
+                format!("step {}, loss {loss:.5}, {:.0} k pixels/s{psnr}", standing.step, rate / 1e3)
+            }),
+            Event::Report(report) => {
+                rate = report.pixels_per_second;
+                if let Some(psnr) = report.psnr {
+                    bar.note(&format!("step {:>7}  {:>6.0} s  {psnr:.2} dB", report.step, report.seconds));
+                }
+                if json && let Err(error) = print_json(report) {
+                    // Nobody reads any more: stop, keeping what is done.
+                    lost_output.get_or_insert(error);
+                    cancel.store(true, Ordering::Relaxed);
+                }
+            }
+            Event::Checkpoint { step } => tracing::debug!("checkpoint at step {step}"),
+        },
+        cancel,
+    )?;
+    let ending = match outcome.ending {
+        Ending::Budget => "done",
+        Ending::Plateau => "validation stopped improving",
+        Ending::Cancelled => "stopped",
+    };
+    let best = outcome.standing.best.map_or(String::new(), |b| format!("; best {:.2} dB", b.psnr));
+    bar.finish(&format!(
+        "{ending} after {} steps, {:.0} s{best}",
+        outcome.standing.step, outcome.standing.seconds
+    ));
+    match lost_output {
+        Some(error) => Err(error),
+        None => Ok(outcome),
+    }
+}

@@ -1,0 +1,212 @@
+//! Random rays to learn from.
+//!
+//! Every pair of a training pixel and one of its lights is equally likely in every step. What a step draws is a
+//! function of seed and step alone, whatever the number of threads, so that a resumed run draws what the
+//! uninterrupted one would have drawn.
+
+use rayon::prelude::*;
+use relight_field::engine::{LightPose, RayBatch};
+use relight_field::random::Random;
+use relight_scene::{Intrinsics, PixelStore, Pose, Scene};
+
+use crate::TrainError;
+
+/// Streams of the seed below this number are left to the engine.
+const FIRST_STREAM: u64 = 1 << 62;
+
+/// What stereo expects of the training pixels.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct DepthPrior {
+    /// `[views][pixels]`, in the order of the pixel store: distance from the camera along the pixel's ray to the
+    /// first surface, metres; NaN where nothing is known.
+    pub views: Vec<Vec<f32>>,
+}
+
+/// Where one training view's rays come from.
+struct View {
+    pose: Pose,
+    origin: [f32; 3],
+    /// Index into `BatchSampler::directions`.
+    directions: usize,
+    /// Pairs of all views up to and including this one.
+    pairs_before_next: u64,
+}
+
+/// Draws batches of training rays.
+pub struct BatchSampler<'a> {
+    store: &'a PixelStore,
+    depths: Option<&'a DepthPrior>,
+    lights: Vec<LightPose>,
+    views: Vec<View>,
+    /// For each distinct set of intrinsics, `[x, y]` of every pixel's camera-frame direction `(x, y, 1)`, distortion
+    /// removed.
+    directions: Vec<Vec<[f32; 2]>>,
+    rays: usize,
+    lights_per_ray: usize,
+    seed: u64,
+}
+
+impl<'a> BatchSampler<'a> {
+    /// A sampler of `rays` rays a step, each with `lights_per_ray` lights, or with as many as the poorest view has.
+    ///
+    /// # Errors
+    /// [`TrainError::Data`] if there is nothing to draw from, or if the depths are not of the store's shape.
+    pub fn new(
+        scene: &Scene,
+        store: &'a PixelStore,
+        depths: Option<&'a DepthPrior>,
+        rays: usize,
+        lights_per_ray: usize,
+        seed: u64,
+    ) -> Result<Self, TrainError> {
+        let mut known: Vec<Intrinsics> = Vec::new();
+        let mut views = Vec::with_capacity(store.views());
+        let mut pairs = 0u64;
+        for v in 0..store.views() {
+            let camera = &scene.cameras[store.camera(v)];
+            let directions = known.iter().position(|k| *k == camera.intrinsics).unwrap_or_else(|| {
+                known.push(camera.intrinsics.clone());
+                known.len() - 1
+            });
+            pairs += store.pixels(v) as u64 * store.lights(v).len() as u64;
+            let origin = camera.pose.position().map(|c| c as f32);
+            views.push(View { pose: camera.pose, origin, directions, pairs_before_next: pairs });
+        }
+        let fewest = (0..store.views()).map(|v| store.lights(v).len()).min().unwrap_or(0);
+        if pairs == 0 || fewest == 0 {
+            return Err(TrainError::Data(format!("{}: no training images", scene.root.display())));
+        }
+        if let Some(prior) = depths {
+            let fits = prior.views.len() == store.views()
+                && prior.views.iter().enumerate().all(|(v, d)| d.len() == store.pixels(v));
+            if !fits {
+                return Err(TrainError::Data("expected depths do not match the training views".into()));
+            }
+        }
+        Ok(Self {
+            store,
+            depths,
+            lights: scene.lights.iter().map(|l| LightPose(l.pose.row_major_f32())).collect(),
+            views,
+            directions: known.iter().map(unprojected).collect(),
+            rays,
+            lights_per_ray: lights_per_ray.min(fewest),
+            seed,
+        })
+    }
+
+    /// Lights that each ray is compared under.
+    pub fn lights_per_ray(&self) -> usize {
+        self.lights_per_ray
+    }
+
+    /// Draws the batch of `step` into `batch`, whose buffers are used again.
+    pub fn fill(&self, step: u64, batch: &mut RayBatch) {
+        let (n, k) = (self.rays, self.lights_per_ray);
+        batch.lights_per_ray = k;
+        if batch.lights.len() != self.lights.len() {
+            batch.lights.clone_from(&self.lights);
+        }
+        batch.rays.origins.resize(n, [0.0; 3]);
+        batch.rays.directions.resize(n, [0.0; 3]);
+        batch.light_index.resize(n * k, 0);
+        batch.colours.resize(n * k, [0.0; 3]);
+        batch.depths.resize(if self.depths.is_some() { n } else { 0 }, f32::NAN);
+
+        let random = Random::new(self.seed, FIRST_STREAM + step);
+        let draws = 2 + k as u64;
+        batch
+            .rays
+            .origins
+            .par_iter_mut()
+            .zip(&mut batch.rays.directions)
+            .zip(batch.light_index.par_chunks_mut(k))
+            .zip(batch.colours.par_chunks_mut(k))
+            .enumerate()
+            .with_min_len(64)
+            .for_each(|(ray, (((origin, direction), lights), colours))| {
+                let first = ray as u64 * draws;
+                let (v, pixel) = self.pixel(random, first);
+                let view = &self.views[v];
+                *origin = view.origin;
+                let [x, y] = self.directions[view.directions][pixel];
+                *direction = unit(view.pose.rotate([f64::from(x), f64::from(y), 1.0]));
+                let (held, pixels) = (self.store.lights(v), self.store.pixel(v, pixel));
+                draw_distinct(held.len() as u32, lights, |i| random.u32_at(first + 2 + i));
+                for (light, colour) in lights.iter_mut().zip(colours) {
+                    let slot = *light as usize;
+                    *colour = pixels[slot].map(|c| f32::from(c) / 255.0);
+                    *light = held[slot];
+                }
+            });
+        if let Some(prior) = self.depths {
+            batch.depths.par_iter_mut().with_min_len(64).enumerate().for_each(|(ray, depth)| {
+                let (v, pixel) = self.pixel(random, ray as u64 * draws);
+                *depth = prior.views[v][pixel];
+            });
+        }
+    }
+
+    /// The view and pixel that draws `first` and `first + 1` of `random` choose.
+    fn pixel(&self, random: Random, first: u64) -> (usize, usize) {
+        let pairs = self.views.last().map_or(0, |v| v.pairs_before_next);
+        // The high half of a 128-bit product maps 64 random bits to 0..pairs.
+        let chosen = ((u128::from(random.u64_at(first)) * u128::from(pairs)) >> 64) as u64;
+        let v = self.views.partition_point(|view| view.pairs_before_next <= chosen);
+        let pixels = self.store.pixels(v) as u32;
+        (v, random.below_at(first + 1, pixels) as usize)
+    }
+}
+
+/// `[x, y]` of the camera-frame direction of every pixel, row-major.
+fn unprojected(intrinsics: &Intrinsics) -> Vec<[f32; 2]> {
+    let width = intrinsics.width.max(1) as usize;
+    (0..width * intrinsics.height as usize)
+        .into_par_iter()
+        .map(|i| {
+            let [x, y, _] = intrinsics.unproject((i % width) as f64, (i / width) as f64);
+            [x as f32, y as f32]
+        })
+        .collect()
+}
+
+fn unit(v: [f64; 3]) -> [f32; 3] {
+    let norm = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
+    v.map(|c| (c / norm) as f32)
+}
+
+/// Fills `out` with distinct numbers below `n`, every subset equally likely (Floyd's algorithm); `bits(i)` is the
+/// `i`-th 32-bit random number. `out` must not be longer than `n`.
+fn draw_distinct(n: u32, out: &mut [u32], bits: impl Fn(u64) -> u32) {
+    let k = out.len() as u32;
+    for i in 0..k {
+        let top = n - k + i;
+        let candidate = ((u64::from(bits(u64::from(i))) * u64::from(top + 1)) >> 32) as u32;
+        out[i as usize] = if out[..i as usize].contains(&candidate) { top } else { candidate };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn distinct_draws_are_distinct_and_even() {
+        let random = Random::new(3, 1);
+        let mut counts = [0usize; 10];
+        for trial in 0..20_000u64 {
+            let mut out = [0u32; 4];
+            draw_distinct(10, &mut out, |i| random.u32_at(trial * 4 + i));
+            let mut sorted = out;
+            sorted.sort_unstable();
+            assert!(sorted.windows(2).all(|w| w[0] < w[1]) && sorted[3] < 10, "{out:?}");
+            out.iter().for_each(|&i| counts[i as usize] += 1);
+        }
+        // 8000 each, standard deviation 69.
+        assert!(counts.iter().all(|c| c.abs_diff(8000) < 350), "{counts:?}");
+        let mut all = [0u32; 5];
+        draw_distinct(5, &mut all, |i| random.u32_at(i));
+        all.sort_unstable();
+        assert_eq!(all, [0, 1, 2, 3, 4]);
+    }
+}

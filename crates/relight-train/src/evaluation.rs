@@ -1,0 +1,162 @@
+//! Scores of a trained field on a split, with the trivial baselines beside.
+
+use std::ops::ControlFlow;
+
+use rayon::prelude::*;
+use relight_field::engine::Engine;
+use relight_metrics::{psnr, ssim};
+use relight_scene::{Image, PixelStore, Scene, Split, Splits};
+use serde::Serialize;
+
+use crate::TrainError;
+use crate::baselines::{NearestLight, mean_image};
+use crate::picture::draw;
+
+/// PSNR and SSIM, of an image or as mean over images.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Scores {
+    /// Peak signal-to-noise ratio, dB.
+    pub psnr: f64,
+    /// Structural similarity.
+    pub ssim: f64,
+}
+
+/// Scores of one image.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ImageScores {
+    /// Label of the camera: its number in the folder.
+    pub camera: usize,
+    /// Label of the light.
+    pub light: usize,
+    /// Its scores.
+    #[serde(flatten)]
+    pub scores: Scores,
+}
+
+/// Mean scores of the trivial baselines; `None` where the scene does not allow one.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct Baselines {
+    /// The mean of all training images.
+    pub mean_image: Option<Scores>,
+    /// The nearest training camera under the nearest training light, copied.
+    pub nearest_light: Option<Scores>,
+}
+
+/// Scores on a split.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Evaluation {
+    /// Name of the scene.
+    pub scene: String,
+    /// Name of the model.
+    pub model: String,
+    /// Name of the split.
+    pub split: String,
+    /// Means over the images.
+    #[serde(flatten)]
+    pub mean: Scores,
+    /// Each image.
+    pub images: Vec<ImageScores>,
+    /// The baselines on the same images.
+    pub baselines: Baselines,
+}
+
+/// An image that was just drawn and scored.
+#[derive(Clone, Copy, Debug)]
+pub struct Drawn<'a> {
+    /// Index of its frame in the scene.
+    pub frame: usize,
+    /// The rendering.
+    pub image: &'a Image,
+    /// Images done, this one included.
+    pub done: usize,
+    /// Images in the split.
+    pub all: usize,
+}
+
+/// Draws each image of `split` and scores it; each is shown to `seen`. `None` if `seen` breaks off.
+///
+/// # Errors
+/// [`TrainError::Data`] if the split is empty; [`TrainError::BlackGroundTruth`] if an image is all black (nothing is
+/// scored then); [`TrainError::Metric`] if images are too small to score; whatever `seen` returns.
+pub fn evaluate(
+    scene: &Scene,
+    splits: &Splits,
+    split: Split,
+    train: &PixelStore,
+    model: &str,
+    engine: &dyn Engine,
+    seen: &mut dyn FnMut(Drawn<'_>) -> Result<ControlFlow<()>, TrainError>,
+) -> Result<Option<Evaluation>, TrainError> {
+    let frames = splits.get(split);
+    if frames.is_empty() {
+        return Err(TrainError::Data(format!("{}: the split {split} holds no images", scene.root.display())));
+    }
+    refuse_black(scene, frames)?;
+    let mean_image = mean_image(scene, train);
+    let nearest = NearestLight::new(scene, &splits.train);
+    let mut images = Vec::with_capacity(frames.len());
+    let (mut mean_scores, mut nearest_scores) = (Vec::new(), Vec::new());
+    for (done, &index) in frames.iter().enumerate() {
+        let frame = &scene.frames[index];
+        let (camera, light) = (&scene.cameras[frame.camera], &scene.lights[frame.light]);
+        let truth = scene.read_frame(index)?;
+        let drawn = draw(engine, &camera.intrinsics, &camera.pose, &light.pose)?;
+        let scores = compare(&truth, &drawn)?;
+        images.push(ImageScores { camera: camera.label, light: light.label, scores });
+        if let Some(image) = mean_image.as_ref().filter(|i| same_size(i, &truth)) {
+            mean_scores.push(compare(&truth, image)?);
+        }
+        if let Some(image) = nearest.image(index)?.filter(|i| same_size(i, &truth)) {
+            nearest_scores.push(compare(&truth, &image)?);
+        }
+        let drawn = Drawn { frame: index, image: &drawn, done: done + 1, all: frames.len() };
+        if seen(drawn)?.is_break() {
+            return Ok(None);
+        }
+    }
+    let all = |scores: &[Scores]| (scores.len() == frames.len()).then(|| mean(scores));
+    let own: Vec<Scores> = images.iter().map(|i| i.scores).collect();
+    Ok(Some(Evaluation {
+        scene: scene.name.clone(),
+        model: model.to_owned(),
+        split: split.to_string(),
+        mean: mean(&own),
+        images,
+        baselines: Baselines { mean_image: all(&mean_scores), nearest_light: all(&nearest_scores) },
+    }))
+}
+
+/// Refuses ground truth that is all black, before anything is drawn.
+pub(crate) fn refuse_black(scene: &Scene, frames: &[usize]) -> Result<(), TrainError> {
+    let is_black = |&frame: &usize| Ok((frame, scene.read_frame(frame)?.is_black()));
+    let read: Vec<(usize, bool)> = frames.par_iter().map(is_black).collect::<Result<_, TrainError>>()?;
+    let mut black = read.iter().filter(|(_, black)| *black).map(|&(frame, _)| frame);
+    match black.next() {
+        None => Ok(()),
+        Some(first) => Err(TrainError::BlackGroundTruth {
+            path: scene.frames[first].path.clone(),
+            count: 1 + black.count(),
+            total: frames.len(),
+        }),
+    }
+}
+
+fn same_size(a: &Image, b: &Image) -> bool {
+    (a.width, a.height) == (b.width, b.height)
+}
+
+fn compare(truth: &Image, image: &Image) -> Result<Scores, TrainError> {
+    Ok(Scores {
+        psnr: psnr(&image.data, &truth.data)?,
+        ssim: ssim(&image.data, &truth.data, truth.width, truth.height)?,
+    })
+}
+
+fn mean(scores: &[Scores]) -> Scores {
+    let n = scores.len() as f64;
+    Scores {
+        psnr: scores.iter().map(|s| s.psnr).sum::<f64>() / n,
+        ssim: scores.iter().map(|s| s.ssim).sum::<f64>() / n,
+    }
+}

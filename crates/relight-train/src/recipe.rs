@@ -1,0 +1,169 @@
+//! All settings of training, and the two presets.
+
+use relight_field::parameters::GridConfig;
+use relight_field::sampling::{Sampling, Shading};
+use serde::{Deserialize, Serialize};
+
+use crate::TrainError;
+use crate::schedule::Schedule;
+
+/// How a field is trained. Written to the run's `config.toml`, from which the run can be repeated.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Recipe {
+    /// Camera rays a step.
+    pub rays_per_step: usize,
+    /// Lights that each ray is compared under; fewer where a training view has fewer.
+    pub lights_per_ray: usize,
+    /// Density at logit zero, per metre.
+    pub density_scale: f64,
+    /// Distance from an expected depth within which ray weight goes unpunished, metres.
+    pub depth_margin: f64,
+    /// Steps of a training without limit over which the schedules run; they hold their last value after it.
+    pub horizon: u64,
+    /// Steps from one validation to the next, an "epoch"; `None`: as many as there are training images, which is what
+    /// an epoch of torch-ngp has.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub epoch: Option<u64>,
+    /// A training without limit ends after this many epochs without improvement.
+    pub patience: u32,
+    /// What counts as an improvement of validation PSNR, dB.
+    pub improvement: f64,
+    /// Most pixels drawn in a validation: larger splits are compared at every k-th pixel of both axes.
+    pub validation_pixels: usize,
+    /// Steps between lines of metrics.
+    pub report_every: u64,
+    /// How samples are placed along a ray.
+    pub sampling: Sampling,
+    /// Where colour is decoded.
+    pub shading: Shading,
+    /// Adam's learning rate.
+    pub learning_rate: Schedule,
+    /// Weight of the penalty on ray weight far from the depth that stereo expects.
+    pub depth_weight: Schedule,
+    /// Weight of the distortion loss.
+    pub distortion_weight: Schedule,
+    /// The hash grid.
+    pub grid: GridConfig,
+}
+
+impl Recipe {
+    /// The published recipe (paper, section 4.3): 4096 rays over all images, one light each; 128 stratified and 128
+    /// importance samples, colour at every sample; Adam at a constant 1e-2; L2 alone; 150 000 steps, or until 10
+    /// epochs bring no improvement.
+    pub fn paper() -> Self {
+        Self {
+            rays_per_step: 4096,
+            lights_per_ray: 1,
+            density_scale: 1.0,
+            depth_margin: 0.0,
+            horizon: 150_000,
+            epoch: None,
+            patience: 10,
+            improvement: 0.0,
+            validation_pixels: 1_000_000,
+            report_every: 10,
+            sampling: Sampling::Stratified { coarse: 128, fine: 128 },
+            shading: Shading::PerSample,
+            learning_rate: Schedule::Constant(1e-2),
+            depth_weight: Schedule::Constant(0.0),
+            distortion_weight: Schedule::Constant(0.0),
+            grid: GridConfig::default(),
+        }
+    }
+
+    /// Ours: each ray compared under several lights at once, samples where something is, colour decoded once a ray
+    /// and light, and depths from stereo to start the geometry.
+    pub fn fast() -> Self {
+        Self {
+            rays_per_step: 1024,
+            lights_per_ray: 8,
+            depth_margin: 0.01,
+            horizon: 30_000,
+            epoch: Some(1000),
+            patience: 5,
+            improvement: 0.02,
+            validation_pixels: 250_000,
+            report_every: 50,
+            sampling: Sampling::Guided { samples: 16 },
+            shading: Shading::Deferred,
+            learning_rate: Schedule::Exponential { from: 1e-2, to: 1e-3 },
+            depth_weight: Schedule::Linear { from: 1e-2, to: 1e-3, start: 0.1, end: 0.3 },
+            distortion_weight: Schedule::Linear { from: 0.0, to: 1e-3, start: 0.05, end: 0.2 },
+            ..Self::paper()
+        }
+    }
+
+    /// The preset called `name` (`paper` or `fast`), or `None`.
+    pub fn preset(name: &str) -> Option<Self> {
+        match name {
+            "paper" => Some(Self::paper()),
+            "fast" => Some(Self::fast()),
+            _ => None,
+        }
+    }
+
+    /// Checks what a hand-edited file may get wrong.
+    ///
+    /// # Errors
+    /// [`TrainError::Recipe`] naming the setting.
+    pub fn validate(&self) -> Result<(), TrainError> {
+        let fault = |setting: &str, rule: &str| Err(TrainError::Recipe(format!("{setting} must be {rule}")));
+        if !(1..=1 << 20).contains(&self.rays_per_step) {
+            return fault("rays-per-step", "1 to 1048576");
+        }
+        if !(1..=4096).contains(&self.lights_per_ray) {
+            return fault("lights-per-ray", "1 to 4096");
+        }
+        if !(self.depth_margin.is_finite() && self.depth_margin >= 0.0) {
+            return fault("depth-margin", "a length in metres, 0 or more");
+        }
+        if self.horizon == 0 || self.epoch == Some(0) || self.report_every == 0 || self.validation_pixels == 0
+        {
+            return fault("horizon, epoch, report-every and validation-pixels", "at least 1");
+        }
+        if !(self.improvement.is_finite() && self.improvement >= 0.0) {
+            return fault("improvement", "a number of dB, 0 or more");
+        }
+        for (name, schedule) in [
+            ("learning-rate", &self.learning_rate),
+            ("depth-weight", &self.depth_weight),
+            ("distortion-weight", &self.distortion_weight),
+        ] {
+            if !schedule.is_valid() {
+                return fault(name, "finite and not negative, with its start before its end");
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn presets_are_valid_and_survive_toml() {
+        for name in ["paper", "fast"] {
+            let recipe = Recipe::preset(name).unwrap();
+            recipe.validate().unwrap();
+            let text = toml::to_string(&recipe).unwrap();
+            assert_eq!(toml::from_str::<Recipe>(&text).unwrap(), recipe, "{text}");
+        }
+        assert_eq!(Recipe::preset("slow"), None);
+    }
+
+    #[test]
+    fn faults_name_the_setting() {
+        let recipe = Recipe { learning_rate: Schedule::Constant(f64::INFINITY), ..Recipe::fast() };
+        assert!(recipe.validate().unwrap_err().to_string().contains("learning-rate"));
+        let recipe = Recipe { rays_per_step: 0, ..Recipe::fast() };
+        assert!(recipe.validate().unwrap_err().to_string().contains("rays-per-step"));
+    }
+
+    #[test]
+    fn unknown_settings_are_refused_by_name() {
+        let text = format!("warp = 9\n{}", toml::to_string(&Recipe::fast()).unwrap());
+        assert!(toml::from_str::<Recipe>(&text).unwrap_err().to_string().contains("warp"));
+    }
+}

@@ -1,0 +1,97 @@
+//! Batches: what they hold, how evenly they are drawn, and what they depend on.
+
+mod common;
+
+use std::collections::HashMap;
+
+use relight_field::engine::RayBatch;
+use relight_train::batch::{BatchSampler, DepthPrior};
+
+#[test]
+fn each_pair_is_the_pixel_that_its_ray_goes_through() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = common::tiny_scene(folder.path());
+    let depths = DepthPrior {
+        views: (0..data.pixels.views())
+            .map(|v| (0..data.pixels.pixels(v)).map(|p| (1000 * v + p) as f32).collect())
+            .collect(),
+    };
+    let sampler = BatchSampler::new(&data.scene, &data.pixels, Some(&depths), 200, 3, 1).unwrap();
+    let mut batch = RayBatch::default();
+    sampler.fill(5, &mut batch);
+    assert_eq!((batch.rays.origins.len(), batch.colours.len(), batch.lights_per_ray), (200, 600, 3));
+    for ray in 0..200 {
+        let origin = batch.rays.origins[ray];
+        let view = (0..data.pixels.views())
+            .find(|&v| {
+                let camera = &data.scene.cameras[data.pixels.camera(v)];
+                camera.pose.position().map(|c| c as f32) == origin
+            })
+            .unwrap();
+        let camera = &data.scene.cameras[data.pixels.camera(view)];
+        let direction = batch.rays.directions[ray].map(f64::from);
+        assert!((direction.iter().map(|c| c * c).sum::<f64>() - 1.0).abs() < 1e-6);
+        let point = [0, 1, 2].map(|a| camera.pose.position()[a] + direction[a]);
+        let [u, v] = camera.intrinsics.project(camera.pose.inverse_transform(point)).unwrap();
+        assert!((u - u.round()).abs() < 1e-3 && (v - v.round()).abs() < 1e-3, "({u}, {v})");
+        let pixel = v.round() as usize * 24 + u.round() as usize;
+        assert_eq!(batch.depths[ray], (1000 * view + pixel) as f32);
+        for pair in 3 * ray..3 * ray + 3 {
+            let light = batch.light_index[pair] as usize;
+            let frame = data.scene.frame(data.pixels.camera(view), light).unwrap();
+            assert!(data.splits.train.contains(&frame), "only training images are drawn");
+            let image = data.scene.read_frame(frame).unwrap();
+            let colour = batch.colours[pair].map(|c| (c * 255.0).round() as u8);
+            assert_eq!(image.data[3 * pixel..3 * pixel + 3], colour);
+        }
+    }
+}
+
+#[test]
+fn all_images_are_drawn_equally_often() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = common::tiny_scene(folder.path());
+    let sampler = BatchSampler::new(&data.scene, &data.pixels, None, 1000, 2, 3).unwrap();
+    let mut counts = HashMap::<(u32, u32), f64>::new();
+    let mut batch = RayBatch::default();
+    for step in 0..50 {
+        sampler.fill(step, &mut batch);
+        assert!(batch.depths.is_empty());
+        for (pair, &light) in batch.light_index.iter().enumerate() {
+            *counts.entry((batch.rays.origins[pair / 2][0].to_bits(), light)).or_default() += 1.0;
+        }
+    }
+    assert_eq!(counts.len(), data.splits.train.len());
+    let expected = 100_000.0 / counts.len() as f64;
+    // Five standard deviations.
+    assert!(counts.values().all(|n| (n - expected).abs() < 5.0 * expected.sqrt()), "{counts:?}");
+}
+
+#[test]
+fn a_batch_depends_on_seed_and_step_and_on_nothing_else() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = common::tiny_scene(folder.path());
+    let draw = |threads: usize, seed: u64, step: u64| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let sampler = BatchSampler::new(&data.scene, &data.pixels, None, 500, 2, seed).unwrap();
+        let mut batch = RayBatch::default();
+        // What the buffers held before must not matter.
+        sampler.fill(99, &mut batch);
+        pool.install(|| sampler.fill(step, &mut batch));
+        (batch.rays, batch.light_index)
+    };
+    assert_eq!(draw(1, 1, 4), draw(3, 1, 4));
+    assert_ne!(draw(1, 1, 4), draw(1, 2, 4));
+    assert_ne!(draw(1, 1, 4), draw(1, 1, 5));
+}
+
+#[test]
+fn a_ray_carries_no_more_lights_than_the_poorest_view_has() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = common::tiny_scene(folder.path());
+    let fewest = (0..data.pixels.views()).map(|v| data.pixels.lights(v).len()).min().unwrap();
+    let sampler = BatchSampler::new(&data.scene, &data.pixels, None, 10, 100, 0).unwrap();
+    assert_eq!(sampler.lights_per_ray(), fewest);
+    let prior = DepthPrior { views: vec![vec![1.0; 3]] };
+    assert!(BatchSampler::new(&data.scene, &data.pixels, Some(&prior), 10, 1, 0).is_err());
+}

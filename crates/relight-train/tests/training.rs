@@ -1,0 +1,180 @@
+//! The training loop, with an engine whose weights depend on every batch that it has seen.
+
+mod common;
+
+use std::fs;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use common::{Data, FakeEngine, config, tiny_scene};
+use relight_field::parameters::Parameters;
+use relight_field::weights_file;
+use relight_train::run::{RunConfig, RunFolder};
+use relight_train::trainer::{Ending, Event, Outcome, Trainer, TrainingData};
+use relight_train::{Report, TrainError};
+
+/// Trains until step `stop` or to the end; what each event was, in short, goes to `events`.
+fn train(
+    data: &Data,
+    run: &RunFolder,
+    config: &RunConfig,
+    engine: FakeEngine,
+    stop: u64,
+    events: &mut Vec<String>,
+) -> Result<Outcome, TrainError> {
+    let training =
+        TrainingData { scene: &data.scene, splits: &data.splits, pixels: &data.pixels, depths: None };
+    let mut trainer = Trainer::new(run, config, training, Box::new(engine))?;
+    let cancel = AtomicBool::new(false);
+    trainer.train(
+        &mut |event: Event<'_>| match event {
+            Event::Step { standing, .. } => cancel.store(standing.step >= stop, Ordering::Relaxed),
+            Event::Report(r) => {
+                events.push(format!("report {}{}", r.step, if r.psnr.is_some() { "*" } else { "" }))
+            }
+            Event::Checkpoint { step } => events.push(format!("checkpoint {step}")),
+        },
+        &cancel,
+    )
+}
+
+/// Lines of metrics without what depends on the machine's speed.
+fn metrics(root: &Path) -> Vec<Report> {
+    let text = fs::read_to_string(root.join("metrics.jsonl")).unwrap();
+    text.lines()
+        .map(|line| Report {
+            seconds: 0.0,
+            pixels_per_second: 0.0,
+            ..serde_json::from_str::<Report>(line).unwrap()
+        })
+        .collect()
+}
+
+fn weights(run: &RunFolder) -> Parameters {
+    weights_file::load(&run.weights()).unwrap()
+}
+
+#[test]
+fn a_run_leaves_what_it_promises() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = tiny_scene(&folder.path().join("scene"));
+    let config = config(&data, Some(10));
+    let root = folder.path().join("run");
+    let run = RunFolder::create(&root, &config).unwrap();
+    let mut events = Vec::new();
+    let outcome = train(&data, &run, &config, FakeEngine::new(&config), u64::MAX, &mut events).unwrap();
+    assert_eq!(outcome.ending, Ending::Budget);
+    assert_eq!((outcome.standing.step, outcome.standing.rays, outcome.standing.pixels), (10, 320, 960));
+    let reports: Vec<&String> = events.iter().filter(|e| e.starts_with("report")).collect();
+    assert_eq!(reports, ["report 3", "report 4*", "report 6", "report 8*", "report 9", "report 10*"]);
+    assert_eq!(events.last().unwrap(), "checkpoint 10");
+    let lines = metrics(&root);
+    assert_eq!(lines.iter().map(|r| r.step).collect::<Vec<_>>(), [3, 4, 6, 8, 9, 10]);
+    assert!(lines[5].psnr.is_some() && lines[5].ssim.is_some() && lines[0].psnr.is_none());
+    // The weights are those of the best validation.
+    let best = lines.iter().filter_map(|r| r.psnr).fold(0.0, f64::max);
+    assert_eq!(outcome.standing.best.unwrap().psnr, best);
+    weights(&run);
+    assert!(run.preview(8).is_file());
+    let (_, read) = RunFolder::open(&root).unwrap();
+    assert_eq!(read, config);
+    assert!(RunFolder::create(&root, &config).unwrap_err().to_string().contains("--resume"));
+}
+
+#[test]
+fn a_run_that_was_stopped_goes_on_as_if_it_had_not_been() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = tiny_scene(&folder.path().join("scene"));
+    let config = config(&data, Some(23));
+    let whole = RunFolder::create(&folder.path().join("whole"), &config).unwrap();
+    train(&data, &whole, &config, FakeEngine::new(&config), u64::MAX, &mut Vec::new()).unwrap();
+
+    let parts = RunFolder::create(&folder.path().join("parts"), &config).unwrap();
+    for stop in [5, 13, u64::MAX] {
+        let outcome = train(&data, &parts, &config, FakeEngine::new(&config), stop, &mut Vec::new()).unwrap();
+        assert_eq!(outcome.standing.step, stop.min(23));
+    }
+    assert_eq!(metrics(parts.root()), metrics(whole.root()));
+    assert!(weights(&parts) == weights(&whole));
+}
+
+#[test]
+fn after_a_kill_what_the_checkpoint_does_not_know_is_done_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = tiny_scene(&folder.path().join("scene"));
+    let config = config(&data, Some(20));
+    let whole = RunFolder::create(&folder.path().join("whole"), &config).unwrap();
+    train(&data, &whole, &config, FakeEngine::new(&config), u64::MAX, &mut Vec::new()).unwrap();
+
+    // Killed at step 14: metrics, weights and previews are of then, the checkpoint is of step 6.
+    let killed = RunFolder::create(&folder.path().join("killed"), &config).unwrap();
+    train(&data, &killed, &config, FakeEngine::new(&config), 6, &mut Vec::new()).unwrap();
+    let checkpoint = fs::read(killed.checkpoint()).unwrap();
+    train(&data, &killed, &config, FakeEngine::new(&config), 14, &mut Vec::new()).unwrap();
+    fs::write(killed.checkpoint(), checkpoint).unwrap();
+    let mut part = killed.checkpoint().into_os_string();
+    part.push(".part");
+    fs::write(part, b"half a checkpo").unwrap();
+
+    train(&data, &killed, &config, FakeEngine::new(&config), u64::MAX, &mut Vec::new()).unwrap();
+    assert_eq!(metrics(killed.root()), metrics(whole.root()));
+    assert!(weights(&killed) == weights(&whole));
+}
+
+#[test]
+fn numbers_that_are_not_finite_are_reported_with_their_place_and_cost_nothing_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = tiny_scene(&folder.path().join("scene"));
+    let config = config(&data, Some(20));
+    let run = RunFolder::create(&folder.path().join("run"), &config).unwrap();
+    train(&data, &run, &config, FakeEngine::new(&config), 9, &mut Vec::new()).unwrap();
+    let kept = (fs::read(run.weights()).unwrap(), fs::read(run.checkpoint()).unwrap());
+    let mut broken = FakeEngine::new(&config);
+    broken.broken_at = Some(11);
+    let error = train(&data, &run, &config, broken, u64::MAX, &mut Vec::new()).unwrap_err().to_string();
+    assert!(error.contains("step 11") && error.contains("rgb layer 2"), "{error}");
+    assert!((fs::read(run.weights()).unwrap(), fs::read(run.checkpoint()).unwrap()) == kept);
+}
+
+#[test]
+fn without_a_budget_a_plateau_ends_the_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = tiny_scene(&folder.path().join("scene"));
+    let mut config = config(&data, None);
+    // No validation can gain so much: the first is the best, and three more are waited for.
+    config.recipe.improvement = 1e3;
+    let run = RunFolder::create(&folder.path().join("run"), &config).unwrap();
+    let outcome = train(&data, &run, &config, FakeEngine::new(&config), u64::MAX, &mut Vec::new()).unwrap();
+    assert_eq!((outcome.ending, outcome.standing.step), (Ending::Plateau, 16));
+}
+
+#[test]
+fn damaged_and_foreign_files_are_refused_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = tiny_scene(&folder.path().join("scene"));
+    let config = config(&data, Some(6));
+    let run = RunFolder::create(&folder.path().join("run"), &config).unwrap();
+    train(&data, &run, &config, FakeEngine::new(&config), u64::MAX, &mut Vec::new()).unwrap();
+    let again = |run: &RunFolder, config: &RunConfig| {
+        train(&data, run, config, FakeEngine::new(config), u64::MAX, &mut Vec::new()).unwrap_err().to_string()
+    };
+
+    let good = fs::read(run.checkpoint()).unwrap();
+    for length in [0, 7, 100, good.len() - 1] {
+        fs::write(run.checkpoint(), &good[..length]).unwrap();
+        assert!(again(&run, &config).contains("latest.safetensors"), "cut to {length}");
+    }
+    fs::write(run.checkpoint(), &good).unwrap();
+    let mut other = config.clone();
+    other.model = "v1".into();
+    assert!(again(&run, &other).contains("another shape"));
+
+    let text = fs::read_to_string(run.config()).unwrap();
+    fs::write(run.config(), text.replace("relight-run-1", "relight-run-9")).unwrap();
+    let error = RunFolder::open(run.root()).unwrap_err().to_string();
+    assert!(error.contains("config.toml") && error.contains("relight-run-9"), "{error}");
+    fs::write(run.config(), "scene = [").unwrap();
+    assert!(RunFolder::open(run.root()).unwrap_err().to_string().contains("config.toml"));
+    assert!(RunFolder::open(folder.path()).unwrap_err().to_string().contains("no run"));
+    assert!(RunFolder::create(folder.path(), &config).unwrap_err().to_string().contains("not empty"));
+}
