@@ -3,16 +3,18 @@
 use serde::{Deserialize, Serialize};
 
 use crate::camera::{Camera, Intrinsics};
-use crate::focus::focus;
+use crate::focus::{Sight, focus};
 use crate::scene::Scene;
-use crate::vector::{Vector, median, norm, sub};
+use crate::vector::{Vector, add, mean, median, norm, scale, sub};
 
 /// Half the box's side, at most, as a share of the median distance from camera to focus.
 const LARGEST: f64 = 0.75;
 /// And at least.
 const SMALLEST: f64 = 0.3;
+/// Its centre lies behind the focus by this share of that distance, where all cameras look the same way.
+const BEHIND: f64 = 0.15;
 /// A place belongs to the scene if this share of the cameras frame it.
-const SEEN_BY: f64 = 0.25;
+const SEEN_BY: f64 = 0.5;
 /// Cameras asked, at most.
 const WITNESSES: usize = 64;
 /// Grid of places from the focus outward, a half axis.
@@ -29,20 +31,23 @@ pub struct Bounds {
 
 /// A cubic box found from cameras and lights alone.
 ///
-/// Its centre is the focus: the point nearest to the rays through the middles of all images (where those leave it
-/// open, as for one camera or parallel ones, the point near the middle of the lights). It is as small as will hold
-/// every place that a quarter of the cameras frame, but its half side is between 0.3 and 0.75 times the median
-/// distance from camera to focus. Cameras on one side of the scene, as in ReNe, all see far behind it and give 0.75:
-/// at 0.6 m, room for a floor and walls 0.45 m from the object. Cameras all around give little more than the ball
-/// that all of them frame. What lies beyond, an engine paints on the box's faces. Cameras near the cube's corners may
-/// stand inside it; the middle is always free of them.
+/// It lies about the focus: the point nearest to the rays through the middles of all images (where those leave it open,
+/// as for one camera or parallel ones, the point near the middle of the lights). Where the cameras stand on one side its
+/// centre is moved on behind the focus, up to 0.15 times the median distance from camera to focus, since there is more
+/// to see there and the cameras should stand outside. It is as small as will hold every place that half of the cameras
+/// frame, but its half side is between 0.3 and 0.75 times that distance. Cameras on one side, as in ReNe, all
+/// see far behind the focus and give 0.75: at 0.6 m, room for a floor and for walls 0.45 m from the object. Cameras all
+/// around give little more than the ball that all of them frame. What lies beyond, an engine paints on the box's faces.
+/// Cameras may stand inside near the box's edges; its middle is free of them.
 pub fn scene_bounds(scene: &Scene) -> Bounds {
-    let centre = focus(&scene.cameras, &scene.lights);
-    let distances = |points: Vec<Vector>| median(points.iter().map(|&p| norm(sub(p, centre))).collect());
+    let focus = focus(&scene.cameras, &scene.lights);
+    let distances = |points: Vec<Vector>| median(points.iter().map(|&p| norm(sub(p, focus))).collect());
     let mut reach = distances(scene.cameras.iter().map(|camera| camera.pose.position()).collect());
     if reach < 1e-6 {
         reach = distances(scene.lights.iter().map(|light| light.pose.position()).collect()).max(1e-3);
     }
+    let views: Vec<Vector> = scene.cameras.iter().map(|camera| Sight::of(camera).direction).collect();
+    let centre = add(focus, scale(mean(&views), BEHIND * reach));
     let half = reach * framed(&scene.cameras, centre, reach).clamp(SMALLEST, LARGEST);
     Bounds { lo: centre.map(|c| (c - half) as f32), hi: centre.map(|c| (c + half) as f32) }
 }

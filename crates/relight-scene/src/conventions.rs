@@ -18,6 +18,9 @@ const FEW: usize = 3;
 const ON_TARGET: f64 = 0.35;
 /// Poses whose axis misses it by more do not.
 const OFF_TARGET: f64 = 0.6;
+/// Lights that miss it by more, radians, and three times less when inverted, are likely inverted: lights stand high, and
+/// inverted ones still look down.
+const ASTRAY: f64 = 0.15;
 /// Farther than this from camera to scene, metres, and the unit is likely not the metre.
 const FAR: f64 = 50.0;
 /// Farther than this many times what the others measure, and the unit differs.
@@ -76,23 +79,31 @@ pub(crate) fn check(scene: &Scene, faults: &mut Faults) {
     }
 }
 
-/// How well a set of sights meets.
+/// Where and how well some sights meet.
 struct Meeting {
-    /// Median angle between a sight and the way to the point where all meet, radians.
+    point: Vector,
+    /// Median angle between a sight and the way to the point, radians.
     miss: f64,
     /// Median distance of the positions from their mean.
     spread: f64,
 }
 
-fn meeting(cameras: &[Camera], reading: Reading) -> Meeting {
-    let read = |camera: &Camera| Sight::of(&Camera { pose: reading.apply(&camera.pose), ..camera.clone() });
-    let sights: Vec<Sight> = cameras.iter().map(read).collect();
+fn meeting(sights: &[Sight]) -> Meeting {
     let middle = mean(&sights.iter().map(|sight| sight.origin).collect::<Vec<_>>());
-    let point = nearest_point(&sights, middle);
+    let point = nearest_point(sights, middle);
     Meeting {
+        point,
         miss: median(sights.iter().map(|sight| miss(sight, point)).collect()),
         spread: median(sights.iter().map(|sight| norm(sub(sight.origin, middle))).collect()),
     }
+}
+
+fn camera_sight(camera: &Camera, reading: Reading) -> Sight {
+    Sight::of(&Camera { pose: reading.apply(&camera.pose), ..camera.clone() })
+}
+
+fn light_sight(pose: &Pose) -> Sight {
+    Sight { origin: pose.position(), direction: pose.axis(2) }
 }
 
 fn miss(sight: &Sight, point: Vector) -> f64 {
@@ -104,9 +115,12 @@ fn check_all_cameras(scene: &Scene, faults: &mut Faults) -> bool {
     if scene.cameras.len() < FEW {
         return true;
     }
-    let as_is = meeting(&scene.cameras, Reading::AsIs);
+    let read = |reading| {
+        meeting(&scene.cameras.iter().map(|camera| camera_sight(camera, reading)).collect::<Vec<_>>())
+    };
+    let as_is = read(Reading::AsIs);
     for reading in Reading::OTHERS {
-        let other = meeting(&scene.cameras, reading);
+        let other = read(reading);
         // Inverting good poses puts the cameras on a heap, where their axes may well meet.
         let unfolds = reading == Reading::Flipped || other.spread > 2.0 * as_is.spread;
         if other.miss < ON_TARGET && 3.0 * other.miss < as_is.miss && unfolds {
@@ -160,14 +174,14 @@ fn check_each_camera(scene: &Scene, target: Vector, faults: &mut Faults) {
             faults.error(FaultKind::Convention, &path(), problem, mend);
             continue;
         }
-        let off = |pose: Pose| miss(&Sight::of(&Camera { pose, ..camera.clone() }), target);
-        let as_is = off(camera.pose);
+        let off = |reading| miss(&camera_sight(camera, reading), target);
+        let as_is = off(Reading::AsIs);
         if as_is < OFF_TARGET {
             continue;
         }
         let meant = Reading::OTHERS.into_iter().find(|reading| {
             let pose = reading.apply(&camera.pose);
-            off(pose) < ON_TARGET && (0.5..2.0).contains(&(distance(&pose) / usual))
+            off(*reading) < ON_TARGET && (0.5..2.0).contains(&(distance(&pose) / usual))
         });
         let degrees = as_is.to_degrees();
         if let Some(reading) = meant {
@@ -202,62 +216,43 @@ fn light_path(scene: &Scene, light: usize) -> PathBuf {
 }
 
 fn check_lights(scene: &Scene, target: Vector, faults: &mut Faults) {
-    let off = |pose: &Pose| angle(pose.axis(2), sub(target, pose.position()));
-    let distance = |pose: &Pose| norm(sub(target, pose.position()));
-    let poses: Vec<Pose> = scene.lights.iter().map(|light| light.pose).collect();
-    let inverted: Vec<Pose> = poses.iter().map(Pose::inverse).collect();
-    let of = |poses: &[Pose], measure: &dyn Fn(&Pose) -> f64| median(poses.iter().map(measure).collect());
-    let cameras = median(scene.cameras.iter().map(|camera| distance(&camera.pose)).collect());
-    let spread = |poses: &[Pose]| {
-        let middle = mean(&poses.iter().map(Pose::position).collect::<Vec<_>>());
-        of(poses, &|pose| norm(sub(pose.position(), middle)))
-    };
     const MEND: &str =
         "Light poses are light-to-world matrices in metres; the light stands at the last column";
-    let (usual, aimed) = (of(&poses, &distance), of(&poses, &off));
-    if poses.len() >= FEW
-        && aimed > OFF_TARGET
-        && of(&inverted, &off) < ON_TARGET
-        && spread(&inverted) > 2.0 * spread(&poses)
+    let sights: Vec<Sight> = scene.lights.iter().map(|light| light_sight(&light.pose)).collect();
+    let inverted: Vec<Sight> = scene.lights.iter().map(|light| light_sight(&light.pose.inverse())).collect();
+    // Lights are compared with what lights look at, which need not be the very point that cameras look at.
+    let (as_is, other) = (meeting(&sights), meeting(&inverted));
+    let is_enough = sights.len() >= FEW;
+    if is_enough && as_is.miss > ASTRAY && 3.0 * other.miss < as_is.miss && other.spread > 2.0 * as_is.spread
     {
         let problem =
-            "the light poses look like world-to-light matrices: only so do the lights look at the scene";
+            "the light poses look like world-to-light matrices: only so do the lights look at a common point";
         faults.error(FaultKind::Convention, &light_path(scene, 0), problem, &format!("{MEND}: invert each."));
         return;
     }
-    for (index, pose) in poses.iter().enumerate() {
+    let distance = |camera: &Camera| norm(sub(target, camera.pose.position()));
+    let cameras = median(scene.cameras.iter().map(distance).collect());
+    for (index, (sight, inverted)) in sights.iter().zip(&inverted).enumerate() {
         let path = light_path(scene, index);
-        let is_odd = poses.len() >= FEW && aimed < ON_TARGET && off(pose) > OFF_TARGET;
-        if distance(pose) > FARTHER * cameras.max(1e-9) {
-            let problem = format!(
-                "the light stands {:.1} m from the scene, the cameras {cameras:.2} m",
-                distance(pose)
-            );
-            faults.error(
-                FaultKind::Convention,
-                &path,
-                problem,
-                &format!("{MEND}; this one looks like millimetres."),
-            );
-        } else if is_odd
-            && off(&inverted[index]) < ON_TARGET
-            && (0.5..2.0).contains(&(distance(&inverted[index]) / usual))
-        {
-            let problem = "the light looks away from the scene, at which all others look";
+        let distance = norm(sub(target, sight.origin));
+        let astray = miss(sight, as_is.point);
+        let is_inverted = astray > ASTRAY && astray > 3.0 * miss(inverted, as_is.point);
+        if distance > FARTHER * cameras.max(1e-9) {
+            let problem =
+                format!("the light stands {distance:.1} m from the scene, the cameras {cameras:.2} m");
+            let mend = format!("{MEND}; this one looks like millimetres.");
+            faults.error(FaultKind::Convention, &path, problem, &mend);
+        } else if is_enough && as_is.miss < ASTRAY && is_inverted {
+            let problem = "the light looks away from what all others look at";
             let mend = format!("{MEND}; this one looks like world-to-light: invert it.");
             faults.error(FaultKind::Convention, &path, problem, &mend);
-        } else if distance(pose) < INSIDE * cameras {
-            let problem =
-                format!("the light stands {:.3} m from the middle of the scene, inside it", distance(pose));
+        } else if distance < INSIDE * cameras {
+            let problem = format!("the light stands {distance:.3} m from the middle of the scene, inside it");
             faults.warning(FaultKind::Placement, &path, problem, &format!("{MEND}: check this one."));
-        } else if pose.position()[2] < 0.0 {
-            let problem = format!("the light stands {:.3} m below the floor (z = 0)", -pose.position()[2]);
-            faults.warning(
-                FaultKind::Placement,
-                &path,
-                problem,
-                &format!("{MEND}; the world's +Z is up: check this one."),
-            );
+        } else if sight.origin[2] < 0.0 {
+            let problem = format!("the light stands {:.3} m below the floor (z = 0)", -sight.origin[2]);
+            let mend = format!("{MEND}; the world's +Z is up: check this one.");
+            faults.warning(FaultKind::Placement, &path, problem, &mend);
         }
     }
 }

@@ -7,7 +7,10 @@
 pub(crate) const LENGTHS: [usize; 6] = [0, 4, 5, 8, 12, 14];
 
 const NEWTON_STEPS: usize = 20;
-const HALVINGS: usize = 8;
+const HALVINGS: i32 = 8;
+const FIRST_HALVINGS: i32 = 60;
+/// Squared error, in normalised coordinates, that rounding leaves.
+const CONVERGED: f64 = 1e-28;
 
 struct Lens {
     k: [f64; 6],
@@ -91,33 +94,58 @@ pub(crate) fn distort(coefficients: &[f64], point: [f64; 2]) -> [f64; 2] {
     lens.tilt.map_or(bent, |tilt| homography(&Lens::tilt_matrix(tilt), bent))
 }
 
-/// The inverse of [`distort`]: Newton's method with step halving, started at the distorted point. Where the model folds
-/// and no inverse exists, the nearest that the iteration finds.
+/// The inverse of [`distort`]: Newton's method with step halving, from the distorted point or, where the model has
+/// folded there, from nearer the middle. It never crosses a fold: where there is no inverse on this side, it ends at the
+/// nearest that it finds.
 pub(crate) fn undistort(coefficients: &[f64], point: [f64; 2]) -> [f64; 2] {
     let lens = Lens::new(coefficients);
     let target = lens.tilt.map_or(point, |tilt| homography(&adjugate(&Lens::tilt_matrix(tilt)), point));
-    let miss = |[x, y]: [f64; 2]| {
-        let (to, jacobian) = lens.bend([x, y]);
-        let error = [to[0] - target[0], to[1] - target[1]];
-        (error, jacobian, error[0] * error[0] + error[1] * error[1])
-    };
-    let mut at = target;
-    let (mut error, mut jacobian, mut squared) = miss(at);
+    let start = (0..FIRST_HALVINGS).map(|halvings| {
+        let share = 0.5f64.powi(halvings);
+        Trial::new(&lens, [share * target[0], share * target[1]], target)
+    });
+    let Some(mut trial) = start.into_iter().find(Trial::is_before_fold) else { return point };
     for _ in 0..NEWTON_STEPS {
-        let [[a, b], [c, d]] = jacobian;
-        let determinant = a * d - b * c;
-        if squared < 1e-28 || determinant == 0.0 {
+        if trial.squared < CONVERGED {
             break;
         }
-        let step = [(d * error[0] - b * error[1]) / determinant, (a * error[1] - c * error[0]) / determinant];
+        let [dx, dy] = trial.newton_step();
         let better = (0..HALVINGS).find_map(|halvings| {
-            let share = 0.5f64.powi(halvings as i32);
-            let next = [at[0] - share * step[0], at[1] - share * step[1]];
-            let (error, jacobian, less) = miss(next);
-            (less < squared).then_some((next, error, jacobian, less))
+            let share = 0.5f64.powi(halvings);
+            let next = Trial::new(&lens, [trial.at[0] - share * dx, trial.at[1] - share * dy], target);
+            (next.is_before_fold() && next.squared < trial.squared).then_some(next)
         });
-        let Some(next) = better else { break };
-        (at, error, jacobian, squared) = next;
+        let Some(better) = better else { break };
+        trial = better;
     }
-    if at.iter().all(|v| v.is_finite()) { at } else { target }
+    trial.at
+}
+
+/// A guess at the undistorted point.
+struct Trial {
+    at: [f64; 2],
+    error: [f64; 2],
+    squared: f64,
+    jacobian: [[f64; 2]; 2],
+    determinant: f64,
+}
+
+impl Trial {
+    fn new(lens: &Lens, at: [f64; 2], target: [f64; 2]) -> Trial {
+        let (to, jacobian) = lens.bend(at);
+        let error = [to[0] - target[0], to[1] - target[1]];
+        let [[a, b], [c, d]] = jacobian;
+        let squared = error[0] * error[0] + error[1] * error[1];
+        Trial { at, error, squared, jacobian, determinant: a * d - b * c }
+    }
+
+    /// Whether the lens keeps the orientation here, as it does in the middle.
+    fn is_before_fold(&self) -> bool {
+        self.determinant > 0.0 && self.squared.is_finite()
+    }
+
+    fn newton_step(&self) -> [f64; 2] {
+        let ([[a, b], [c, d]], [ex, ey]) = (self.jacobian, self.error);
+        [(d * ex - b * ey) / self.determinant, (a * ey - c * ex) / self.determinant]
+    }
 }

@@ -44,6 +44,12 @@ impl Image {
     /// # Errors
     /// If the data are not of the stated size or the file cannot be written.
     pub fn write_png(&self, path: &Path) -> Result<(), SceneError> {
+        let (stated, held) = (3 * u64::from(self.width) * u64::from(self.height), self.data.len());
+        if stated != held as u64 {
+            let problem =
+                format!("cannot be encoded: {held} bytes are not an image of {}x{}", self.width, self.height);
+            return Err(SceneError::fault(FaultKind::Image, path, problem, ""));
+        }
         let mut bytes = Cursor::new(Vec::new());
         image::ImageEncoder::write_image(
             image::codecs::png::PngEncoder::new(&mut bytes),
@@ -71,11 +77,15 @@ pub fn read_image(path: &Path) -> Result<Image, SceneError> {
 
 /// As [`read_image`]; an image of another size than the expected one is refused before it is decoded.
 pub(crate) fn read_sized(path: &Path, expected: Option<(u32, u32)>) -> Result<Image, SceneError> {
-    let bytes = files::read_bytes(path, LONGEST_FILE)?;
-    if is_cut_short(&bytes) {
+    decode(path, &files::read_bytes(path, LONGEST_FILE)?, expected)
+}
+
+/// The image in a file's bytes.
+pub(crate) fn decode(path: &Path, bytes: &[u8], expected: Option<(u32, u32)>) -> Result<Image, SceneError> {
+    if is_cut_short(bytes) {
         return Err(damaged(path, "the file is truncated"));
     }
-    let decoder = decoder(path, Cursor::new(bytes.as_slice()))?;
+    let decoder = decoder(path, Cursor::new(bytes))?;
     let (width, height) = decoder.dimensions();
     if let Some((w, h)) = expected.filter(|&size| size != (width, height)) {
         let problem = format!("the image is {width}x{height}, but its camera's image size is {w}x{h}");

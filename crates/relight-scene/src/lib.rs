@@ -39,3 +39,6 @@ pub use pose::{Pose, PoseFault};
 pub use scene::{Layout, Scene};
 pub use sheet::contact_sheet;
 pub use splits::{Split, Splits};
+
+#[cfg(test)]
+mod tests;

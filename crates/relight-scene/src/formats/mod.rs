@@ -1,9 +1,9 @@
 //! The folders that scenes lie in, one file a format.
 
-mod camera_file;
-mod pose_file;
+pub(crate) mod camera_file;
+pub(crate) mod pose_file;
 mod rene;
-mod transforms;
+pub(crate) mod transforms;
 
 use std::path::Path;
 

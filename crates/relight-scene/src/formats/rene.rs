@@ -63,11 +63,12 @@ pub(super) fn read(root: &Path, entries: &Entries, faults: &mut Faults) -> Optio
             None => {}
         }
     }
-    let folders: Vec<LightFolder> =
+    let mut folders: Vec<LightFolder> =
         numbered.into_par_iter().map(|(label, path)| read_light(label, path)).collect();
-    let scene = assemble(root, &folders, faults);
-    faults.0.extend(folders.into_iter().flat_map(|folder| folder.faults.0));
-    scene
+    for folder in &mut folders {
+        faults.0.append(&mut folder.faults.0);
+    }
+    assemble(root, &folders, faults)
 }
 
 fn read_light(label: usize, path: PathBuf) -> LightFolder {

@@ -29,7 +29,7 @@ const LONGEST: u64 = 1 << 28;
 const FARTHEST: f64 = 1e6;
 
 #[derive(Deserialize)]
-struct File {
+pub(crate) struct File {
     #[serde(flatten)]
     lens: Lens,
     camera_model: Option<String>,
@@ -122,7 +122,7 @@ fn parse_file(path: &Path) -> Result<File, SceneError> {
     })
 }
 
-fn parse(text: &str) -> Result<File, serde_json::Error> {
+pub(crate) fn parse(text: &str) -> Result<File, serde_json::Error> {
     serde_json::from_str(text)
 }
 

@@ -77,7 +77,7 @@ impl PixelStore {
     }
 
     /// As [`load`](PixelStore::load), with the cache in a given folder for scenes of at least so many bytes.
-    fn load_by(
+    pub(crate) fn load_by(
         scene: &Scene,
         frames: &[usize],
         progress: &(dyn Fn(usize, usize) + Sync),

@@ -1,0 +1,131 @@
+use std::collections::HashSet;
+use std::fs;
+
+use super::{Rig, SMALL, fault, lset, replace};
+use crate::{FaultKind, Scene, Split, Splits};
+
+fn pairs(scene: &Scene, frames: &[usize]) -> Vec<(usize, usize)> {
+    frames.iter().map(|&frame| (scene.frames[frame].camera, scene.frames[frame].light)).collect()
+}
+
+#[test]
+fn official_scenes_have_the_published_splits() {
+    let folder = Rig { views: 50, lights: 40, width: 1, height: 1 }.write();
+    let scene = Scene::open(folder.path()).unwrap();
+    let splits = Splits::of(&scene).unwrap();
+    let counts = [Split::Train, Split::Val, Split::Easy, Split::Hard].map(|split| splits.get(split).len());
+    assert_eq!(counts, [1628, 9, 111, 9]);
+    let mut val = pairs(&scene, &splits.val);
+    val.sort();
+    let published = [(25, 10), (25, 12), (25, 27), (42, 3), (42, 20), (42, 23), (47, 26), (47, 30), (47, 39)];
+    assert_eq!(val, published);
+    let (test_cameras, test_lights) = ([4, 8, 15], [2, 21, 34]);
+    for (camera, light) in pairs(&scene, &splits.train) {
+        assert!(
+            !test_cameras.contains(&camera)
+                && ![25, 42, 47].contains(&camera)
+                && !test_lights.contains(&light)
+        );
+    }
+    assert!(
+        pairs(&scene, &splits.easy).iter().all(|(c, l)| test_cameras.contains(c) && !test_lights.contains(l))
+    );
+    assert!(
+        pairs(&scene, &splits.hard).iter().all(|(c, l)| test_cameras.contains(c) && test_lights.contains(l))
+    );
+    assert!(!folder.path().join("splits.json").exists());
+}
+
+#[test]
+fn other_scenes_have_drawn_splits_that_stay() {
+    let folder = Rig { views: 10, lights: 8, width: 1, height: 1 }.write();
+    let scene = Scene::open(folder.path()).unwrap();
+    let drawn = Splits::peek(&scene).unwrap();
+    assert!(!folder.path().join("splits.json").exists(), "peeking writes nothing");
+    let splits = Splits::of(&scene).unwrap();
+    assert_eq!(splits, drawn);
+    // One test camera, one validation camera, one test light.
+    assert_eq!(
+        [splits.train.len(), splits.val.len(), splits.easy.len(), splits.hard.len()],
+        [8 * 7, 3, 7, 1]
+    );
+    let cameras =
+        |frames: &[usize]| pairs(&scene, frames).into_iter().map(|(c, _)| c).collect::<HashSet<_>>();
+    assert!(cameras(&splits.train).is_disjoint(&cameras(&splits.easy)));
+    assert!(cameras(&splits.train).is_disjoint(&cameras(&splits.val)));
+    assert_eq!(cameras(&splits.hard), cameras(&splits.easy));
+    assert!(folder.path().join("splits.json").exists());
+    assert_eq!(Splits::of(&scene).unwrap(), splits);
+    // What the file says counts, not what would be drawn.
+    let text = r#"{"format": "relight-splits", "version": 1, "train": [[0, 1], [2, 3]], "val": [[1, 1]], "easy": [], "hard": []}"#;
+    fs::write(folder.path().join("splits.json"), text).unwrap();
+    let edited = Splits::of(&scene).unwrap();
+    assert_eq!(pairs(&scene, &edited.train), [(0, 1), (2, 3)]);
+    assert_eq!(pairs(&scene, &edited.val), [(1, 1)]);
+}
+
+#[test]
+fn small_captures_keep_enough_to_train_on() {
+    for views in 1..8 {
+        for lights in 1..8 {
+            let folder = Rig { views, lights, width: 1, height: 1 }.write();
+            let scene = Scene::open(folder.path()).unwrap();
+            let splits = Splits::of(&scene).unwrap();
+            assert!(!splits.train.is_empty(), "{views} x {lights}");
+            assert_eq!(splits.easy.is_empty(), views == 1, "{views} x {lights}");
+            assert!(2 * splits.train.len() >= views * lights - views.max(lights), "{views} x {lights}");
+            assert_eq!(
+                splits.val.is_empty(),
+                splits.val.len() + splits.train.len() == 1,
+                "{views} x {lights}"
+            );
+            let all = [&splits.train, &splits.val, &splits.easy, &splits.hard];
+            let distinct: HashSet<_> = all.iter().flat_map(|split| split.iter()).collect();
+            assert_eq!(
+                distinct.len(),
+                all.iter().map(|split| split.len()).sum::<usize>(),
+                "no frame is in two splits"
+            );
+        }
+    }
+}
+
+#[test]
+fn unknown_and_broken_split_files_are_refused_by_name() {
+    let folder = SMALL.write();
+    let scene = Scene::open(folder.path()).unwrap();
+    let path = folder.path().join("splits.json");
+    let good =
+        r#"{"format": "relight-splits", "version": 1, "train": [[0, 0]], "val": [], "easy": [], "hard": []}"#;
+    for (text, kind) in [
+        (good.replace("1,", "2,"), FaultKind::Version),
+        (good.replace("relight-splits", "other"), FaultKind::Version),
+        (good.replace("[[0, 0]]", "[[0, 99]]"), FaultKind::Inconsistent),
+        (good.replace("[[0, 0]]", "[[0, 0], [0, 0]]"), FaultKind::Inconsistent),
+        (good.replace("[[0, 0]]", "7"), FaultKind::Malformed),
+        ("[".repeat(100_000), FaultKind::Malformed),
+    ] {
+        replace(&path, text);
+        let fault = fault(Splits::of(&scene));
+        assert_eq!((fault.kind, &fault.path), (kind, &path));
+        assert!(fault.mend.contains("emove"));
+    }
+}
+
+#[test]
+fn splits_need_no_writable_folder() {
+    let folder = SMALL.write();
+    let mut scene = Scene::open(folder.path()).unwrap();
+    let splits = Splits::of(&scene).unwrap();
+    // Not even a folder: nothing can be written there.
+    scene.root = lset(folder.path(), 0).join("light.txt");
+    assert_eq!(Splits::of(&scene).unwrap(), splits);
+}
+
+#[test]
+fn splits_have_names() {
+    for split in [Split::Train, Split::Val, Split::Easy, Split::Hard] {
+        assert_eq!(split.to_string().parse::<Split>().unwrap(), split);
+    }
+    assert!("test".parse::<Split>().unwrap_err().to_string().contains("train, val, easy and hard"));
+}

@@ -1,0 +1,207 @@
+use std::fs;
+use std::path::Path;
+
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use super::{Rig, fault, from_angles, rows};
+use crate::vector::{angle, norm, sub};
+use crate::{FaultKind, Layout, Pose, Scene, Splits, scene_bounds};
+
+const SIZE: Rig = Rig { views: 1, lights: 1, width: 16, height: 10 };
+
+/// Cameras and lights of Blender's size: 4 m from the object, all around above it; each frame has its own light.
+fn camera(index: usize) -> Pose {
+    let share = index as f64 * 0.618_034;
+    Pose::look_at(
+        from_angles(4.0, std::f64::consts::TAU * share.fract(), 0.2 + 1.2 * (share * 2.7).fract()),
+        [0.0; 3],
+    )
+}
+
+fn light(index: usize) -> [f64; 3] {
+    from_angles(5.0, 1.1 * index as f64, 0.4 + 0.1 * (index % 9) as f64)
+}
+
+fn frame(index: usize, file_path: &str) -> Value {
+    json!({
+        "file_path": file_path,
+        "transform_matrix": rows(&camera(index).flip_camera_axes()),
+        "pl_pos": light(index),
+    })
+}
+
+fn write_images(root: &Path, folder: &str, count: usize) -> Vec<String> {
+    fs::create_dir_all(root.join(folder)).unwrap();
+    let write = |index| {
+        SIZE.image(index, index).write_png(&root.join(folder).join(format!("r_{index}.png"))).unwrap();
+        format!("./{folder}/r_{index}")
+    };
+    (0..count).map(write).collect()
+}
+
+fn blender(count: usize) -> (TempDir, Value) {
+    let root = TempDir::new().unwrap();
+    let names = write_images(root.path(), "train", count);
+    let frames: Vec<Value> = names.iter().enumerate().map(|(index, name)| frame(index, name)).collect();
+    (root, json!({"camera_angle_x": 0.6911, "frames": frames}))
+}
+
+fn open(root: &TempDir, file: &Value) -> Result<Scene, crate::SceneError> {
+    fs::write(root.path().join("transforms.json"), file.to_string()).unwrap();
+    Scene::open(root.path())
+}
+
+#[test]
+fn blender_captures_are_read() {
+    let (root, file) = blender(7);
+    let scene = open(&root, &file).unwrap();
+    assert_eq!((scene.layout, scene.declared.clone()), (Layout::Transforms, None));
+    assert_eq!((scene.cameras.len(), scene.lights.len(), scene.frames.len()), (7, 7, 7));
+    let lens = &scene.cameras[0].intrinsics;
+    assert_eq!((lens.width, lens.height, lens.distortion.len()), (16, 10, 0));
+    assert!((lens.fx - 8.0 / (0.6911f64 / 2.0).tan()).abs() < 1e-9 && lens.fx == lens.fy);
+    assert_eq!((lens.cx, lens.cy), (7.5, 4.5), "the middle, counted from the first pixel's centre");
+    for (index, frame) in scene.frames.iter().enumerate() {
+        assert_eq!((frame.camera, frame.light), (index, index));
+        let (read, meant) = (scene.cameras[index].pose, camera(index));
+        assert!(read.0.iter().flatten().zip(meant.0.iter().flatten()).all(|(a, b)| (a - b).abs() < 1e-12));
+        let pose = scene.lights[index].pose;
+        assert!(norm(sub(pose.position(), light(index))) < 1e-12);
+        assert!(angle(pose.axis(2), sub([0.0; 3], light(index))) < 1e-3, "lights look at the focus");
+        assert_eq!(scene.read_frame(index).unwrap(), SIZE.image(index, index));
+    }
+}
+
+#[test]
+fn the_file_itself_may_be_named() {
+    let (root, file) = blender(3);
+    fs::write(root.path().join("other.json"), file.to_string()).unwrap();
+    assert_eq!(Scene::open(&root.path().join("other.json")).unwrap().frames.len(), 3);
+}
+
+#[test]
+fn nerfstudio_lenses_are_read_and_frames_may_have_their_own() {
+    let (root, mut file) = blender(4);
+    file["camera_model"] = json!("OPENCV");
+    for (key, value) in [
+        ("fl_x", 20.0),
+        ("fl_y", 21.0),
+        ("cx", 8.25),
+        ("cy", 5.5),
+        ("w", 16.0),
+        ("h", 10.0),
+        ("k1", 0.1),
+        ("k2", -0.02),
+        ("p1", 0.001),
+        ("p2", 0.002),
+    ] {
+        file[key] = json!(value);
+    }
+    file["frames"][1]["fl_x"] = json!(30.0);
+    file["frames"][2]["camera_intrinsics"] = json!([7.0, 6.0, 31.0, 32.0]);
+    file["frames"][3]["w"] = json!(16);
+    let scene = open(&root, &file).unwrap();
+    let lens = |index: usize| &scene.cameras[index].intrinsics;
+    assert_eq!((lens(0).fx, lens(0).fy, lens(0).cx, lens(0).cy), (20.0, 21.0, 7.75, 5.0));
+    assert_eq!(lens(0).distortion, [0.1, -0.02, 0.001, 0.002, 0.0]);
+    assert_eq!((lens(1).fx, lens(1).fy, lens(1).cx), (30.0, 30.0, 7.75));
+    assert_eq!((lens(2).fx, lens(2).fy, lens(2).cx, lens(2).cy), (31.0, 32.0, 6.5, 5.5));
+    assert_eq!(lens(3), lens(0));
+}
+
+#[test]
+fn equal_cameras_and_lights_are_one() {
+    let (root, mut file) = blender(6);
+    for index in 0..6 {
+        let (view, lamp) = (index / 3, index % 3);
+        let path = file["frames"][index]["file_path"].clone();
+        file["frames"][index] = frame(view, path.as_str().unwrap());
+        file["frames"][index]["pl_pos"] = json!(light(lamp));
+    }
+    let scene = open(&root, &file).unwrap();
+    assert_eq!((scene.cameras.len(), scene.lights.len(), scene.frames.len()), (2, 3, 6));
+    assert_eq!(scene.frame(1, 2), Some(5));
+    file["frames"][5] = file["frames"][0].clone();
+    assert_eq!(open(&root, &file).unwrap().frames.len(), 5, "a frame that is there twice is left out once");
+}
+
+#[test]
+fn pairs_of_files_declare_the_splits() {
+    let (root, mut file) = blender(30);
+    let test = write_images(root.path(), "test", 5);
+    fs::write(root.path().join("transforms_train.json"), file.to_string()).unwrap();
+    let scene = Scene::open(root.path()).unwrap();
+    assert_eq!(scene.declared, None, "without a test file the splits are drawn");
+    file["frames"] = test.iter().enumerate().map(|(index, name)| frame(40 + index, name)).collect();
+    fs::write(root.path().join("transforms_test.json"), file.to_string()).unwrap();
+    let scene = Scene::open(root.path()).unwrap();
+    let splits = Splits::of(&scene).unwrap();
+    assert_eq!(splits.easy, [30, 31, 32, 33, 34]);
+    assert_eq!((splits.train.len(), splits.val.len(), splits.hard.len()), (28, 2, 0));
+    assert!(splits.val.iter().all(|&frame| frame < 30));
+    assert!(!root.path().join("splits.json").exists());
+}
+
+#[test]
+fn a_light_a_frame_is_split_by_frames() {
+    let (root, file) = blender(40);
+    let scene = open(&root, &file).unwrap();
+    let splits = Splits::of(&scene).unwrap();
+    assert_eq!((splits.train.len(), splits.val.len(), splits.easy.len(), splits.hard.len()), (36, 2, 2, 0));
+    assert_eq!(Splits::of(&scene).unwrap(), splits, "as written to the file");
+}
+
+#[test]
+fn faults_name_the_frame() {
+    let (root, good) = blender(4);
+    let with = |change: &dyn Fn(&mut Value)| {
+        let mut file = good.clone();
+        change(&mut file);
+        let fault = fault(open(&root, &file));
+        assert!(!fault.mend.is_empty());
+        (fault.kind, fault.to_string())
+    };
+    let (kind, says) = with(&|file| file["frames"][2]["pl_pos"] = Value::Null);
+    assert!(kind == FaultKind::Missing && says.contains("r_2") && says.contains("pl_pos"), "{says}");
+    let (kind, says) = with(&|file| file["frames"][1]["file_path"] = json!("train/none"));
+    assert!(kind == FaultKind::Missing && says.contains("train/none"), "{says}");
+    let (kind, _) =
+        with(&|file| file["frames"][1]["transform_matrix"] = json!([[1, 0, 0], [0, 1, 0], [0, 0, 1]]));
+    assert_eq!(kind, FaultKind::Malformed);
+    let (kind, _) = with(&|file| file["frames"][1]["transform_matrix"][0][0] = json!(5.0));
+    assert_eq!(kind, FaultKind::Pose);
+    let (kind, _) = with(&|file| file["frames"][0]["pl_pos"] = json!([1e9, 0, 0]));
+    assert_eq!(kind, FaultKind::Malformed);
+    let (kind, _) = with(&|file| file["camera_angle_x"] = json!(7.0));
+    assert_eq!(kind, FaultKind::Lens);
+    let (kind, _) = with(&|file| file["camera_model"] = json!("OPENCV_FISHEYE"));
+    assert_eq!(kind, FaultKind::Lens);
+    let (kind, _) = with(&|file| (file["w"], file["h"]) = (json!(60_000), json!(10)));
+    assert_eq!(kind, FaultKind::Lens);
+    let (kind, _) = with(&|file| file["frames"] = json!([]));
+    assert_eq!(kind, FaultKind::Missing);
+    let (kind, _) = with(&|file| *file = json!({"frames": 3}));
+    assert_eq!(kind, FaultKind::Malformed);
+}
+
+#[test]
+fn poses_already_of_opencv_axes_are_noticed() {
+    let (root, mut file) = blender(12);
+    for index in 0..12 {
+        file["frames"][index]["transform_matrix"] = json!(rows(&camera(index)));
+    }
+    assert_eq!(fault(open(&root, &file)).kind, FaultKind::Convention);
+}
+
+#[test]
+fn the_box_of_cameras_all_around_is_what_they_frame() {
+    let (root, file) = blender(40);
+    let scene = open(&root, &file).unwrap();
+    let bounds = scene_bounds(&scene);
+    let half = f64::from(bounds.hi[0] - bounds.lo[0]) / 2.0;
+    // Horizontally the cameras frame 4 tan(0.6911 / 2) = 1.44 m to each side of the middle.
+    assert!((1.2..2.4).contains(&half), "{bounds:?}");
+    let middle = [0, 1, 2].map(|i| f64::from(bounds.lo[i] + bounds.hi[i]) / 2.0);
+    assert!(norm(middle) < 0.8, "{bounds:?}");
+}
