@@ -22,7 +22,7 @@ pub fn backward(weights: &[f32], gradient: &mut [f32]) {
     for (g, &w) in gradient[..last].iter_mut().zip(weights).rev() {
         let here = *g;
         // `transmittance` is what passes this sample; the weights behind it all carry it as a factor.
-        *g = here.mul_add(transmittance, -behind);
+        *g = here * transmittance - behind;
         behind += here * w;
         transmittance += w;
     }

@@ -94,7 +94,7 @@ impl CpuEngine {
             moments: gradients.parts().map(|g| Moments::new(g.len())),
             networks,
             correction: BiasCorrection::default(),
-            density: DensityGrid::uniform(field.bounds, DENSITY_RESOLUTION, field.density_scale),
+            density: DensityGrid::uniform(&field.bounds, DENSITY_RESOLUTION, field.density_scale),
             batch: SampleBatch::default(),
             feature_gradients: Vec::new(),
             densities: Vec::new(),
@@ -296,7 +296,7 @@ impl Engine for CpuEngine {
         // Opaque enough to draw samples, and no more: the field has to confirm it.
         let density = 1.0 / self.density.cell_size();
         let background = 0.02 / self.cube.edge;
-        self.density.cells_mut().fill(background);
+        self.density.fill(background);
         for &point in points {
             let unit = self.cube.map(point);
             if unit.iter().all(|u| (0.0..1.0).contains(u)) {
@@ -381,8 +381,7 @@ impl Engine for CpuEngine {
             moments.v = f32s(&format!("adam.{name}.v"), moments.v.len())?;
             moments.updates = u32s(&format!("adam.{name}.updates"), 1)?[0];
         }
-        let cells = f32s("density", fresh.density.cells().len())?;
-        fresh.density.cells_mut().copy_from_slice(&cells);
+        fresh.density.set_cells(f32s("density", fresh.density.cells().len())?);
         *self = fresh;
         Ok(())
     }

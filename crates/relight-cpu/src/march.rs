@@ -62,7 +62,7 @@ impl UnitCube {
 
 /// `origin + t * direction`.
 pub fn along(origin: [f32; 3], direction: [f32; 3], t: f32) -> [f32; 3] {
-    std::array::from_fn(|a| t.mul_add(direction[a], origin[a]))
+    std::array::from_fn(|a| t * direction[a] + origin[a])
 }
 
 /// Lengths of the intervals that sorted samples stand for: cut halfway between neighbours, and at `near` and `far`.
@@ -79,7 +79,7 @@ pub fn interval_lengths(t: &[f32], (near, far): (f32, f32), lengths: &mut [f32])
 pub fn stratified((near, far): (f32, f32), jitter: impl Fn(usize) -> f32, t: &mut [f32]) {
     let part = (far - near) / t.len() as f32;
     for (i, t) in t.iter_mut().enumerate() {
-        *t = (i as f32 + jitter(i)).mul_add(part, near);
+        *t = near + (i as f32 + jitter(i)) * part;
     }
 }
 
@@ -103,7 +103,7 @@ pub fn draw(
             bin += 1;
         }
         let share = if mass[bin] > 0.0 { ((target - before) / mass[bin]).clamp(0.0, 1.0) } else { 0.5 };
-        *t = share.mul_add(end(bin) - start, start);
+        *t = start + share * (end(bin) - start);
     }
 }
 
@@ -134,11 +134,11 @@ pub fn guided(
     weight.resize(bins + 2, 0.0);
     let (o, mut limited, mut depth) = (cube.map(origin), 1f32, 0f32);
     let d: [f32; 3] = std::array::from_fn(|a| direction[a] * cube.inverse_extent[a]);
+    let thin = 1e-4 / step;
     for b in 0..bins {
-        let optical = grid.at(along(o, d, (b as f32 + 0.5).mul_add(step, near))) * step;
-        if optical < 1e-4 {
-            continue;
-        }
+        let cell = grid.cell(along(o, d, near + (b as f32 + 0.5) * step));
+        let Some(density) = grid.at(cell, thin) else { continue };
+        let optical = density * step;
         depth += optical;
         let alpha = (1.0 - (-optical).exp()).min(OPACITY_LIMIT);
         weight[b + 1] = limited * alpha;
@@ -156,9 +156,9 @@ pub fn guided(
     let uniform = if total > 0.0 { least + (1.0 - least) * (-depth).exp() } else { 1.0 };
     let scale = if total > 0.0 { (1.0 - uniform) / total } else { 0.0 };
     for m in mass.iter_mut() {
-        *m = m.mul_add(scale, uniform / bins as f32);
+        *m = *m * scale + uniform / bins as f32;
     }
-    let end = |b: usize| (b as f32 + 1.0).mul_add(step, near);
+    let end = |b: usize| near + (b as f32 + 1.0) * step;
     match jitter {
         Some(jitter) => draw(mass, near, end, jitter, t),
         None => draw(mass, near, end, |_| 0.5, t),
