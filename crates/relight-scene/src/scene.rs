@@ -3,12 +3,15 @@
 use std::path::{Path, PathBuf};
 
 use crate::camera::Camera;
-use crate::error::{FaultKind, SceneError};
+use crate::error::{FaultKind, SceneError, Severity};
 use crate::formats;
 use crate::frame::Frame;
 use crate::image_file::{Image, read_sized};
 use crate::light::Light;
 use crate::splits::Splits;
+
+/// Warnings logged when a scene is opened; a check lists all.
+const WARNINGS: usize = 5;
 
 /// How a scene lies on disk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -40,7 +43,7 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Reads a scene's cameras, lights and list of images; no image is decoded.
+    /// Reads a scene's cameras, lights and list of images; no image is decoded. Warnings are logged.
     ///
     /// # Errors
     /// The first fault that makes the scene unusable. [`check`](fn@crate::check) lists all.
@@ -49,8 +52,13 @@ impl Scene {
         if let Some(fault) = faults.first_error() {
             return Err(SceneError::Fault(fault.clone()));
         }
-        for fault in &faults.0 {
-            tracing::debug!("{}: {fault}", fault.severity);
+        let warnings = faults.0.iter().filter(|fault| fault.severity == Severity::Warning);
+        for warning in warnings.clone().take(WARNINGS) {
+            tracing::warn!("{warning}");
+        }
+        let more = warnings.count().saturating_sub(WARNINGS);
+        if more > 0 {
+            tracing::warn!("{}: and {more} more warnings: check the scene to see them all", path.display());
         }
         scene.ok_or_else(|| SceneError::fault(FaultKind::Missing, path, "holds no scene", "Check the path."))
     }

@@ -7,7 +7,9 @@ use relight_scene::{PixelStore, Scene, SceneInfo, Splits, check, contact_sheet, 
 
 fn scenes() -> Vec<PathBuf> {
     let root = std::env::var_os("RELIGHT_SCENES").expect("RELIGHT_SCENES names a folder of scenes");
-    let folders = std::fs::read_dir(root).unwrap().map(|entry| entry.unwrap().path());
+    let folders = std::fs::read_dir(root)
+        .expect("the folder can be listed")
+        .map(|entry| entry.expect("an entry").path());
     folders.filter(|path| path.join("lset000").is_dir()).collect()
 }
 

@@ -137,6 +137,8 @@ fn assemble(root: &Path, folders: &[LightFolder], faults: &mut Faults) -> Option
     let intrinsics = common_intrinsics(folders, faults);
     let poses = common_poses(folders, faults);
     check_frames(folders, &poses, faults);
+    check_numbers(root, "lights", folders.iter().map(|folder| folder.label), faults);
+    check_numbers(root, "views", poses.keys().copied(), faults);
     if poses.is_empty() {
         faults.error(
             FaultKind::Missing,
@@ -174,6 +176,26 @@ fn assemble(root: &Path, folders: &[LightFolder], faults: &mut Faults) -> Option
     }
     let name = super::name_of(root);
     Some(Scene { name, root: root.to_owned(), layout: Layout::Rene, cameras, lights, frames, declared: None })
+}
+
+/// Numbers left out: a light or a view that was not fetched, perhaps, and then the splits are not the published ones.
+fn check_numbers(
+    root: &Path,
+    what: &str,
+    labels: impl ExactSizeIterator<Item = usize> + Clone,
+    faults: &mut Faults,
+) {
+    let Some(last) = labels.clone().last() else { return };
+    let gaps = last - (labels.len() - 1);
+    if gaps > 0 {
+        let first = labels
+            .enumerate()
+            .find(|(expected, label)| expected != label)
+            .map_or(0, |(expected, _)| expected);
+        let problem = format!("{gaps} of the {what} 0 to {last} are missing, the first of them {first}");
+        let mend = "Fetch them if they exist: the published splits need all 50 views and 40 lights.";
+        faults.warning(FaultKind::Missing, root, problem, mend);
+    }
 }
 
 /// The lens that all folders state.

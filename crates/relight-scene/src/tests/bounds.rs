@@ -1,6 +1,8 @@
-use super::Rig;
+use std::path::Path;
+
+use super::{Rig, SMALL};
 use crate::vector::{norm, sub};
-use crate::{Bounds, Camera, Intrinsics, Layout, Light, Pose, Scene, scene_bounds};
+use crate::{Bounds, Camera, Intrinsics, Light, Pose, Scene, scene_bounds};
 
 fn lens() -> Intrinsics {
     Intrinsics { width: 1440, height: 1080, fx: 2321.0, fy: 2388.0, cx: 868.0, cy: 454.0, distortion: vec![] }
@@ -9,13 +11,10 @@ fn lens() -> Intrinsics {
 fn scene(cameras: Vec<Pose>, lights: Vec<Pose>) -> Scene {
     let camera = |(label, pose)| Camera { label, intrinsics: lens(), pose };
     Scene {
-        name: "test".to_owned(),
-        root: "test".into(),
-        layout: Layout::Rene,
         cameras: cameras.into_iter().enumerate().map(camera).collect(),
         lights: lights.into_iter().enumerate().map(|(label, pose)| Light { label, pose }).collect(),
         frames: Vec::new(),
-        declared: None,
+        ..SMALL.scene(Path::new("test"))
     }
 }
 

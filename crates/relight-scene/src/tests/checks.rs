@@ -63,6 +63,22 @@ fn black_test_images_are_explained_and_other_black_images_are_errors() {
 }
 
 #[test]
+fn gaps_in_the_numbering_are_warned_of() {
+    let folder = SMALL.write();
+    fs::remove_dir_all(lset(folder.path(), 1)).unwrap();
+    for light in [0, 2, 3] {
+        fs::remove_file(image_path(folder.path(), light, 2)).unwrap();
+        fs::remove_file(pose_path(folder.path(), light, 2)).unwrap();
+    }
+    let report = check(folder.path(), &|_, _| {});
+    let problems: Vec<&str> = report.faults.iter().map(|fault| fault.problem.as_str()).collect();
+    let gap =
+        |what, last, first| format!("1 of the {what} 0 to {last} are missing, the first of them {first}");
+    assert_eq!(problems, [gap("lights", 3, 1), gap("views", 5, 2)]);
+    assert!(report.is_usable());
+}
+
+#[test]
 fn poses_that_differ_a_little_are_noted() {
     let folder = SMALL.write();
     let mut moved = SMALL.camera(2);

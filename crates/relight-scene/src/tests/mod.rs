@@ -20,7 +20,8 @@ use std::path::{Path, PathBuf};
 
 use tempfile::TempDir;
 
-use crate::{Image, Pose, SceneError};
+use crate::formats::camera_file;
+use crate::{Camera, Frame, Image, Layout, Light, Pose, Scene, SceneError};
 
 /// A capture's size.
 #[derive(Clone, Copy)]
@@ -59,6 +60,24 @@ impl Rig {
         let pixels = (0..self.height).flat_map(|y| (0..self.width).map(move |x| (x, y)));
         let colour = |(x, y): (u32, u32)| [10 + view as u8, 100 + light as u8, (x * 7 + y * 13) as u8];
         Image { width: self.width, height: self.height, data: pixels.flat_map(colour).collect() }
+    }
+
+    /// The scene as [`write_to`](Rig::write_to) would have it, without a file.
+    pub(crate) fn scene(&self, root: &Path) -> Scene {
+        let intrinsics = camera_file::parse(&self.camera_yml("[]")).unwrap();
+        let camera = |label| Camera { label, intrinsics: intrinsics.clone(), pose: self.camera(label) };
+        let pairs = (0..self.lights).flat_map(|light| (0..self.views).map(move |camera| (camera, light)));
+        Scene {
+            name: "test".to_owned(),
+            root: root.to_owned(),
+            layout: Layout::Rene,
+            cameras: (0..self.views).map(camera).collect(),
+            lights: (0..self.lights).map(|label| Light { label, pose: self.light(label) }).collect(),
+            frames: pairs
+                .map(|(camera, light)| Frame { camera, light, path: image_path(root, light, camera) })
+                .collect(),
+            declared: None,
+        }
     }
 
     /// Writes the official layout to a new folder.

@@ -22,11 +22,12 @@ fn assert_holds(store: &PixelStore, scene: &Scene, frames: &[usize]) {
         let camera = store.camera(view);
         assert_eq!(store.pixels(view), 12 * 9);
         assert!(store.lights(view).is_sorted());
+        let images: Vec<Image> = (0..SMALL.lights).map(|light| SMALL.image(camera, light)).collect();
         for pixel in 0..store.pixels(view) {
             let colours = store.pixel(view, pixel);
             assert_eq!(colours.len(), store.lights(view).len());
             for (colour, &light) in colours.iter().zip(store.lights(view)) {
-                assert_eq!(colour[..], SMALL.image(camera, light as usize).data[3 * pixel..3 * pixel + 3]);
+                assert_eq!(colour[..], images[light as usize].data[3 * pixel..3 * pixel + 3]);
             }
         }
         let lights = store.lights(view).iter();
@@ -57,12 +58,11 @@ fn blocks_of_pixels_are_interleaved_right() {
     let frames: Vec<usize> = (0..9).collect();
     let store = load(&scene, &frames, None).unwrap();
     for view in 0..3 {
+        let images: Vec<Image> = (0..3).map(|light| rig.image(view, light)).collect();
+        assert_eq!(store.lights(view), [0, 1, 2]);
         for pixel in 0..store.pixels(view) {
-            for light in 0..3 {
-                assert_eq!(
-                    store.pixel(view, pixel)[light][..],
-                    rig.image(view, light).data[3 * pixel..3 * pixel + 3]
-                );
+            for (colour, image) in store.pixel(view, pixel).iter().zip(&images) {
+                assert_eq!(colour[..], image.data[3 * pixel..3 * pixel + 3]);
             }
         }
     }

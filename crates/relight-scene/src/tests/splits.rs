@@ -1,7 +1,9 @@
 use std::collections::HashSet;
 use std::fs;
 
-use super::{Rig, SMALL, fault, lset, replace};
+use tempfile::TempDir;
+
+use super::{Rig, SMALL, fault, replace};
 use crate::{FaultKind, Scene, Split, Splits};
 
 fn pairs(scene: &Scene, frames: &[usize]) -> Vec<(usize, usize)> {
@@ -10,8 +12,8 @@ fn pairs(scene: &Scene, frames: &[usize]) -> Vec<(usize, usize)> {
 
 #[test]
 fn official_scenes_have_the_published_splits() {
-    let folder = Rig { views: 50, lights: 40, width: 1, height: 1 }.write();
-    let scene = Scene::open(folder.path()).unwrap();
+    let folder = TempDir::new().unwrap();
+    let scene = Rig { views: 50, lights: 40, ..SMALL }.scene(folder.path());
     let splits = Splits::of(&scene).unwrap();
     let counts = [Split::Train, Split::Val, Split::Easy, Split::Hard].map(|split| splits.get(split).len());
     assert_eq!(counts, [1628, 9, 111, 9]);
@@ -38,8 +40,8 @@ fn official_scenes_have_the_published_splits() {
 
 #[test]
 fn other_scenes_have_drawn_splits_that_stay() {
-    let folder = Rig { views: 10, lights: 8, width: 1, height: 1 }.write();
-    let scene = Scene::open(folder.path()).unwrap();
+    let folder = TempDir::new().unwrap();
+    let scene = Rig { views: 10, lights: 8, ..SMALL }.scene(folder.path());
     let drawn = Splits::peek(&scene).unwrap();
     assert!(!folder.path().join("splits.json").exists(), "peeking writes nothing");
     let splits = Splits::of(&scene).unwrap();
@@ -68,8 +70,8 @@ fn other_scenes_have_drawn_splits_that_stay() {
 fn small_captures_keep_enough_to_train_on() {
     for views in 1..8 {
         for lights in 1..8 {
-            let folder = Rig { views, lights, width: 1, height: 1 }.write();
-            let scene = Scene::open(folder.path()).unwrap();
+            let folder = TempDir::new().unwrap();
+            let scene = Rig { views, lights, ..SMALL }.scene(folder.path());
             let splits = Splits::of(&scene).unwrap();
             assert!(!splits.train.is_empty(), "{views} x {lights}");
             assert_eq!(splits.easy.is_empty(), views == 1, "{views} x {lights}");
@@ -92,8 +94,8 @@ fn small_captures_keep_enough_to_train_on() {
 
 #[test]
 fn unknown_and_broken_split_files_are_refused_by_name() {
-    let folder = SMALL.write();
-    let scene = Scene::open(folder.path()).unwrap();
+    let folder = TempDir::new().unwrap();
+    let scene = SMALL.scene(folder.path());
     let path = folder.path().join("splits.json");
     let good =
         r#"{"format": "relight-splits", "version": 1, "train": [[0, 0]], "val": [], "easy": [], "hard": []}"#;
@@ -114,11 +116,12 @@ fn unknown_and_broken_split_files_are_refused_by_name() {
 
 #[test]
 fn splits_need_no_writable_folder() {
-    let folder = SMALL.write();
-    let mut scene = Scene::open(folder.path()).unwrap();
+    let file = tempfile::NamedTempFile::new().unwrap();
+    let folder = TempDir::new().unwrap();
+    let mut scene = SMALL.scene(folder.path());
     let splits = Splits::of(&scene).unwrap();
     // Not even a folder: nothing can be written there.
-    scene.root = lset(folder.path(), 0).join("light.txt");
+    scene.root = file.path().to_owned();
     assert_eq!(Splits::of(&scene).unwrap(), splits);
 }
 
