@@ -1,6 +1,6 @@
 //! Which engine trains and draws.
 
-use anyhow::{Context, bail};
+use anyhow::{Context, bail, ensure};
 use clap::ValueEnum;
 use relight_cpu::CpuEngine;
 use relight_field::engine::Engine;
@@ -20,16 +20,20 @@ pub enum Device {
     Gpu,
 }
 
+/// Whether this build and machine have the device.
+pub fn check(device: Device) -> anyhow::Result<()> {
+    ensure!(device != Device::Gpu, "--device gpu: this build has no GPU engine; use --device cpu");
+    Ok(())
+}
+
 /// An engine that holds `parameters`.
 pub fn create(
     device: Device,
     parameters: &Parameters,
     config: EngineConfig,
 ) -> anyhow::Result<Box<dyn Engine>> {
-    match device {
-        Device::Auto | Device::Cpu => Ok(Box::new(CpuEngine::new(parameters, config)?)),
-        Device::Gpu => bail!("--device gpu: this build has no GPU engine; use --device cpu"),
-    }
+    check(device)?;
+    Ok(Box::new(CpuEngine::new(parameters, config)?))
 }
 
 /// An engine that holds the best weights of a run.

@@ -67,7 +67,7 @@ impl DemoScene {
 
     /// Focal length, pixels.
     fn focal(&self) -> f64 {
-        1.5 * f64::from(self.width)
+        1.3 * f64::from(self.width)
     }
 
     fn centre(&self) -> [f64; 2] {

@@ -165,7 +165,7 @@ impl<'a> Trainer<'a> {
     pub fn train(&mut self, observer: &mut dyn Observer, cancel: &AtomicBool) -> Result<Outcome, TrainError> {
         let started = Instant::now();
         let seconds_before = self.standing.seconds;
-        let mut saved = Instant::now();
+        let mut saved = None::<Instant>;
         let mut batch = RayBatch::default();
         let recipe = &self.config.recipe;
         let budget = self.budget;
@@ -194,10 +194,13 @@ impl<'a> Trainer<'a> {
                 let report = self.report(recipe.learning_rate.at(progress), validated)?;
                 observer.on_event(Event::Report(&report));
             }
-            // After a validation, so that checkpoint and best weights tell the same story.
-            if (validated.is_some() && !last) || saved.elapsed() >= CHECKPOINT_EVERY {
+            let due = match saved {
+                Some(at) => at.elapsed() >= CHECKPOINT_EVERY,
+                None => validated.is_some() || started.elapsed() >= CHECKPOINT_EVERY,
+            };
+            if due && !last {
                 self.save(observer)?;
-                saved = Instant::now();
+                saved = Some(Instant::now());
             }
         };
         self.save(observer)?;

@@ -1,5 +1,8 @@
 //! The training loop, with an engine whose weights depend on every batch that it has seen.
 
+// Helpers outside of test functions.
+#![allow(clippy::unwrap_used)]
+
 mod common;
 
 use std::fs;

@@ -26,7 +26,7 @@ use crate::session::{Prepared, train};
 /// The scene: small enough to train in a minute or two, large enough to see.
 const SCENE: DemoScene = DemoScene { views: 40, lights: 12, width: 96, height: 72 };
 /// Frames of the film, and how many of them a second.
-const FRAMES: usize = 96;
+const FRAMES: usize = 72;
 const FRAME_RATE: NonZeroU32 = NonZeroU32::new(24).unwrap();
 /// Size of the film over that of the photographs.
 const ENLARGED: u32 = 2;

@@ -12,7 +12,7 @@ use relight_train::run::{FORMAT, RunConfig, RunFolder, splits_fingerprint};
 use relight_train::schedule::Budget;
 use relight_train::trainer::Ending;
 
-use crate::engines::Device;
+use crate::engines::{self, Device};
 use crate::session::{Prepared, train};
 
 /// Train a field on a scene.
@@ -89,6 +89,7 @@ impl Preset {
 pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let resumed = args.resume && RunFolder::exists(&args.out);
     // Told before minutes are spent on loading.
+    engines::check(args.device)?;
     ensure!(
         resumed || !RunFolder::exists(&args.out),
         "{}: holds a run already: continue it with --resume, or choose another folder",
@@ -111,6 +112,7 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
                 bounds: args.bounds.unwrap_or_else(|| data.bounds()),
                 recipe,
             };
+            config.field()?;
             (RunFolder::create(&args.out, &config)?, config)
         }
     };

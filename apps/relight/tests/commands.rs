@@ -1,0 +1,177 @@
+//! The command line that scripts rely on: arguments, JSON, files, exit status.
+
+mod common;
+
+use std::fs;
+
+use common::{Workshop, lines, metrics};
+use relight_field::weights_file;
+use relight_scene::read_image;
+
+#[test]
+fn training_reports_json_lines_and_leaves_a_run() {
+    let shop = Workshop::new();
+    let out = shop.succeed("train scene --out run --recipe recipe.toml --steps 20 --seed 3 --json");
+    let reports = lines(&out);
+    assert_eq!(reports, metrics(&shop.path("run")), "metrics.jsonl holds the same lines");
+    let steps: Vec<u64> = reports.iter().map(|r| r["step"].as_u64().unwrap()).collect();
+    assert_eq!(steps, [5, 10, 15, 20]);
+    for report in &reports {
+        let step = report["step"].as_u64().unwrap();
+        assert_eq!(report["rays"], 32 * step);
+        assert_eq!(report["pixels"], 64 * step);
+        assert!(report["loss"].as_f64().unwrap() > 0.0);
+        let validated = step.is_multiple_of(10);
+        assert_eq!((report["psnr"].is_f64(), report["ssim"].is_f64()), (validated, validated));
+    }
+    let config = fs::read_to_string(shop.path("run/config.toml")).unwrap();
+    for setting in ["format = \"relight-run-1\"", "model = \"v5\"", "seed = 3", "rays-per-step = 32"] {
+        assert!(config.contains(setting), "{setting}\n{config}");
+    }
+    weights_file::load(&shop.path("run/weights.safetensors")).unwrap();
+    let preview = read_image(&shop.path("run/previews/00000010.png")).unwrap();
+    assert_eq!((preview.width, preview.height), (48, 18));
+}
+
+#[test]
+fn the_same_seed_gives_the_same_run_whatever_the_threads() {
+    let shop = Workshop::new();
+    let run = |name: &str, options: &str| {
+        shop.succeed(&format!("train scene --out {name} --recipe recipe.toml --steps 20 {options}"));
+        (metrics(&shop.path(name)), weights_file::load(&shop.path(name).join("weights.safetensors")).unwrap())
+    };
+    let one = run("one", "--threads 1");
+    assert!(one == run("three", "--threads 3"));
+    assert!(one != run("other", "--seed 1"));
+}
+
+#[test]
+fn every_model_trains_and_answers() {
+    let shop = Workshop::new();
+    let light = "[1,0,0,0.1, 0,1,0,0.1, 0,0,1,0.4, 0,0,0,1]";
+    let question =
+        format!(r#"{{"points":[[0,0,0.05],[9,9,9]],"directions":[[0,0,-1],[0,3,0]],"light":{light}}}"#);
+    fs::write(shop.path("points.json"), question).unwrap();
+    for model in ["v0", "v1", "v2", "v3", "v4", "v5"] {
+        shop.succeed(&format!("train scene --out {model} --model {model} --recipe recipe.toml --steps 3"));
+        let answer = shop.json(&format!("query {model} points.json --json"));
+        assert!(answer["density"][0].as_f64().unwrap() > 0.0);
+        assert_eq!(answer["density"][1], 0.0, "outside the box there is nothing");
+        let rgb = answer["rgb"][0].as_array().unwrap();
+        assert!(rgb.len() == 3 && rgb.iter().all(|c| (0.0..=1.0).contains(&c.as_f64().unwrap())));
+        assert_eq!(answer["visibility"].is_null(), model != "v5");
+        let scores = shop.json(&format!("eval {model} --json"));
+        assert_eq!(scores["model"], model);
+    }
+}
+
+#[test]
+fn evaluation_scores_each_image_with_the_baselines_beside() {
+    let shop = Workshop::new();
+    shop.train("run");
+    let scores = shop.json("eval run --split easy --images pictures --json");
+    assert_eq!(
+        (&scores["scene"], &scores["model"], &scores["split"]),
+        (&"scene".into(), &"v5".into(), &"easy".into())
+    );
+    let images = scores["images"].as_array().unwrap();
+    let mean = images.iter().map(|i| i["psnr"].as_f64().unwrap()).sum::<f64>() / images.len() as f64;
+    assert!((scores["psnr"].as_f64().unwrap() - mean).abs() < 1e-9);
+    for baseline in ["mean-image", "nearest-light"] {
+        let psnr = scores["baselines"][baseline]["psnr"].as_f64().unwrap();
+        assert!((5.0..40.0).contains(&psnr), "{baseline}: {psnr}");
+        assert!(scores["baselines"][baseline]["ssim"].is_f64());
+    }
+    // The pictures are those that were scored.
+    let image = &images[0];
+    let (camera, light) = (image["camera"].as_u64().unwrap(), image["light"].as_u64().unwrap());
+    let comparison = shop.json(&format!(
+        "compare scene/lset{light:03}/data/{camera:05}_image.png pictures/scene_{light:02}_{camera:02}.png --json"
+    ));
+    assert!((comparison["psnr"].as_f64().unwrap() - image["psnr"].as_f64().unwrap()).abs() < 1e-9);
+    assert!((comparison["ssim"].as_f64().unwrap() - image["ssim"].as_f64().unwrap()).abs() < 1e-9);
+    assert!(comparison["ssim_uniform7"].is_f64());
+    assert!(shop.succeed("eval run").contains("nearest-light"));
+}
+
+#[test]
+fn pictures_maps_and_films_are_rendered() {
+    let shop = Workshop::new();
+    shop.train("run");
+    shop.succeed("render run --camera 2 --light 1 --out a.png");
+    let own = read_image(&shop.path("a.png")).unwrap();
+    assert_eq!((own.width, own.height), (24, 18));
+    shop.succeed("render run --camera 2 --light -0.1,0.2,0.3 --size 30x20 --out b.png");
+    assert_eq!(read_image(&shop.path("b.png")).unwrap().width, 30);
+    shop.succeed("render run --camera scene/lset000/data/00002_pose.txt --light 1 --out c.png");
+    assert_eq!(read_image(&shop.path("c.png")).unwrap(), own, "the same pose by file");
+    for map in ["visibility", "reflectance", "depth", "opacity"] {
+        shop.succeed(&format!("render run --camera 0 --light 0 --map {map} --out {map}.png"));
+        shop.succeed(&format!("render run --camera 0 --light 0 --map {map} --out {map}.exr"));
+        assert!(fs::read(shop.path(&format!("{map}.exr"))).unwrap().starts_with(&[0x76, 0x2f, 0x31, 0x01]));
+    }
+    for path in ["orbit", "lights"] {
+        shop.succeed(&format!("render run --path {path} --frames 3 --out {path}"));
+        assert!(shop.path(path).join("00002.png").is_file());
+    }
+    shop.succeed("render run --path lights --frames 3 --fps 5 --out film.mp4");
+    assert_eq!(&fs::read(shop.path("film.mp4")).unwrap()[4..8], b"ftyp");
+}
+
+#[test]
+fn exported_weights_are_those_of_the_run() {
+    let shop = Workshop::new();
+    shop.train("run");
+    shop.succeed("export run --weights out.safetensors");
+    let exported = weights_file::load(&shop.path("out.safetensors")).unwrap();
+    assert!(exported == weights_file::load(&shop.path("run/weights.safetensors")).unwrap());
+}
+
+#[test]
+fn scenes_are_described_checked_and_shown() {
+    let shop = Workshop::new();
+    let info = shop.json("scene info scene --json");
+    assert_eq!((&info["views"], &info["lights"], &info["images"]), (&8.into(), &6.into(), &48.into()));
+    assert!(shop.succeed("scene info scene").contains("8 views"));
+    shop.succeed("scene check scene");
+    shop.succeed("scene sheet scene --out sheet.png");
+    assert!(read_image(&shop.path("sheet.png")).unwrap().width > 400);
+}
+
+#[test]
+fn the_help_teaches() {
+    let shop = Workshop::new();
+    for command in [
+        "demo",
+        "scene info",
+        "scene check",
+        "scene sheet",
+        "train",
+        "eval",
+        "render",
+        "query",
+        "export",
+        "compare",
+    ] {
+        let help = shop.succeed(&format!("{command} --help"));
+        assert!(help.contains("Usage:") && help.contains("Example"), "{help}");
+    }
+    assert!(shop.succeed("--help").contains("Start here"));
+}
+
+#[test]
+fn a_run_is_repeated_from_its_configuration() {
+    let shop = Workshop::new();
+    shop.train("first");
+    let again = shop.run("train scene --out first --steps 20");
+    assert_eq!(again.status.code(), Some(1));
+    assert!(String::from_utf8(again.stderr).unwrap().contains("--resume"));
+    // A finished run that is resumed is still finished; with more steps it goes on.
+    shop.succeed("train scene --out first --resume");
+    assert_eq!(metrics(&shop.path("first")).last().unwrap()["step"], 20);
+    shop.succeed("train scene --out first --resume --steps 30");
+    assert_eq!(metrics(&shop.path("first")).last().unwrap()["step"], 30);
+    assert!(shop.fail("train scene --out first --resume --seed 9", 1).contains("seed"));
+    // There is nothing to resume: it starts.
+    shop.succeed("train scene --out fresh --resume --steps 2 --model v0");
+}

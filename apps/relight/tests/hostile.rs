@@ -1,0 +1,185 @@
+//! Wrong input of every kind: an error that names the file and the mend, exit status 1 or 2, never a panic.
+
+mod common;
+
+use std::fs;
+
+use common::Workshop;
+use relight_scene::Image;
+
+#[test]
+fn bad_arguments_end_with_status_2() {
+    let shop = Workshop::new();
+    for arguments in [
+        "train",
+        "train scene",
+        "train scene --out run --model v9",
+        "train scene --out run --preset medium",
+        "train scene --out run --minutes -1",
+        "train scene --out run --minutes nan",
+        "train scene --out run --steps 0",
+        "train scene --out run --bounds 1,2,3",
+        "train scene --out run --bounds 0,0,0,1,1,-1",
+        "train scene --out run --device abacus",
+        "--threads 0 compare a b",
+        "eval run --split best",
+        "render run --out a.png",
+        "render run --camera 0 --light 0 --out a.png --size 10",
+        "render run --camera 0 --light 0 --out a.png --map normals",
+        "render run --path orbit --fps 0 --out a",
+        "paint",
+    ] {
+        shop.fail(arguments, 2);
+        assert!(!shop.path("run").exists(), "{arguments}: nothing is begun");
+    }
+}
+
+#[test]
+fn scenes_that_are_none_are_refused_by_name() {
+    let shop = Workshop::new();
+    fs::create_dir(shop.path("empty")).unwrap();
+    fs::write(shop.path("file"), "not a folder").unwrap();
+    for scene in ["empty", "file", "nowhere"] {
+        for command in ["scene info", "scene check", "train --out run"] {
+            let output = shop.run(&format!("{command} {scene}"));
+            let said = [output.stdout, output.stderr].concat();
+            let said = String::from_utf8(said).unwrap();
+            assert_eq!(output.status.code(), Some(1), "{command} {scene}: {said}");
+            assert!(said.contains(scene) && !said.contains("panicked"), "{command} {scene}: {said}");
+        }
+        assert!(!shop.path("run").exists());
+    }
+}
+
+#[test]
+fn damaged_images_stop_training_before_it_begins() {
+    let shop = Workshop::new();
+    let image = shop.path("scene/lset002/data/00003_image.png");
+    let good = fs::read(&image).unwrap();
+    fs::write(&image, &good[..good.len() / 2]).unwrap();
+    let check = shop.run("scene check scene");
+    assert_eq!(check.status.code(), Some(1));
+    assert!(String::from_utf8(check.stdout).unwrap().contains("lset002/data/00003_image.png"));
+    // Whichever split the image is in, something refuses it.
+    let train = shop.run("train scene --out run --recipe recipe.toml --steps 1");
+    if train.status.success() {
+        assert!(
+            ["easy", "hard"].iter().any(|s| !shop.run(&format!("eval run --split {s}")).status.success())
+        );
+    } else {
+        assert!(String::from_utf8(train.stderr).unwrap().contains("lset002/data/00003_image.png"));
+    }
+}
+
+#[test]
+fn black_ground_truth_is_refused_with_the_reason() {
+    let shop = Workshop::new();
+    shop.train("run");
+    let splits: serde_json::Value =
+        serde_json::from_str(&fs::read_to_string(shop.path("scene/splits.json")).unwrap()).unwrap();
+    let easy = &splits["easy"][0];
+    let name =
+        format!("lset{:03}/data/{:05}_image.png", easy[1].as_u64().unwrap(), easy[0].as_u64().unwrap());
+    let black = Image { width: 24, height: 18, data: vec![0; 24 * 18 * 3] };
+    black.write_png(&shop.path("scene").join(&name)).unwrap();
+    let said = shop.fail("eval run --split easy --json", 1);
+    assert!(said.contains(&name) && said.contains("black") && said.contains("--split val"), "{said}");
+    assert!(shop.succeed("scene info scene").contains("black"));
+    shop.succeed("eval run --split val");
+}
+
+#[test]
+fn questions_that_make_no_sense_are_refused() {
+    let shop = Workshop::new();
+    shop.train("run");
+    let light = "[1,0,0,0.1, 0,1,0,0.1, 0,0,1,0.4, 0,0,0,1]";
+    for (question, reason) in [
+        ("".to_owned(), "points"),
+        ("[1, 2".to_owned(), "points"),
+        (r#"{"points":[[0,0,0]],"directions":[]}"#.to_owned(), "directions"),
+        (r#"{"points":[[0,0,0]],"directions":[[0,0,1]]}"#.to_owned(), "light"),
+        (format!(r#"{{"points":[[0,0,1e999]],"directions":[[0,0,1]],"light":{light}}}"#), "questions"),
+        (format!(r#"{{"points":[[0,0,0]],"directions":[[0,0,0]],"light":{light}}}"#), "direction 0"),
+        (r#"{"points":[],"directions":[],"light":[1,2,3]}"#.to_owned(), "16 numbers"),
+        (format!(r#"{{"points":[],"directions":[],"light":{light},"colour":1}}"#), "colour"),
+        ("[".repeat(100_000), "questions"),
+    ] {
+        fs::write(shop.path("questions.json"), &question).unwrap();
+        let said = shop.fail("query run questions.json --json", 1);
+        assert!(said.contains("questions.json") && said.contains(reason), "{question:.80}: {said}");
+    }
+    assert!(shop.fail("query run nowhere.json --json", 1).contains("nowhere.json"));
+}
+
+#[test]
+fn runs_that_are_none_or_damaged_are_refused_by_name() {
+    let shop = Workshop::new();
+    for command in ["eval", "export --weights a.safetensors", "render --camera 0 --light 0 --out a.png"] {
+        assert!(shop.fail(&format!("{command} scene"), 1).contains("holds no run"));
+    }
+    shop.train("run");
+    let weights = shop.path("run/weights.safetensors");
+    let good = fs::read(&weights).unwrap();
+    for (what, bytes) in
+        [("cut", &good[..good.len() / 2]), ("empty", &[]), ("other", b"PK\x03\x04 something else")]
+    {
+        fs::write(&weights, bytes).unwrap();
+        let said = shop.fail("eval run", 1);
+        assert!(said.contains("weights.safetensors"), "{what}: {said}");
+    }
+    fs::remove_file(&weights).unwrap();
+    assert!(shop.fail("eval run", 1).contains("--resume"));
+    fs::write(&weights, &good).unwrap();
+
+    // The splits must be those of the training.
+    let splits = shop.path("scene/splits.json");
+    let text = fs::read_to_string(&splits).unwrap();
+    let mut changed: serde_json::Value = serde_json::from_str(&text).unwrap();
+    changed["train"].as_array_mut().unwrap().pop();
+    fs::write(&splits, changed.to_string()).unwrap();
+    let said = shop.fail("eval run", 1);
+    assert!(said.contains("splits"), "{said}");
+    assert!(shop.fail("train scene --out run --resume", 1).contains("splits"));
+    fs::remove_file(&splits).unwrap();
+
+    // A scene that has moved is found again with --scene.
+    fs::rename(shop.path("scene"), shop.path("moved")).unwrap();
+    assert!(shop.fail("eval run", 1).contains("scene"));
+    shop.succeed("eval run --scene moved");
+}
+
+#[test]
+fn recipes_that_make_no_sense_are_refused_by_setting() {
+    let shop = Workshop::new();
+    for (recipe, reason) in [
+        ("rays-per-step = 0", "rays-per-step"),
+        ("rays-per-stop = 10", "rays-per-stop"),
+        ("learning-rate = 3", "learning-rate"),
+        ("[grid]\nlevels = 99\nfeatures = 2\nlog2_table = 10\nbase = 4\nfinest = 16", "levels"),
+        ("[grid", "recipe.toml"),
+    ] {
+        fs::write(shop.path("recipe.toml"), recipe).unwrap();
+        let said = shop.fail("train scene --out run --recipe recipe.toml --steps 1", 1);
+        assert!(said.contains(reason), "{recipe}: {said}");
+        assert!(!shop.path("run").exists());
+    }
+    assert!(shop.fail("train scene --out run --device gpu --steps 1", 1).contains("--device cpu"));
+}
+
+#[test]
+fn pictures_that_cannot_be_compared_are_refused_by_name() {
+    let shop = Workshop::new();
+    let grey = |name: &str, width: u32| {
+        let image = Image { width, height: 12, data: vec![100; width as usize * 36] };
+        image.write_png(&shop.path(name)).unwrap();
+    };
+    grey("a.png", 12);
+    grey("wide.png", 13);
+    grey("narrow.png", 4);
+    assert!(shop.fail("compare a.png wide.png --json", 1).contains("wide.png"));
+    assert!(shop.fail("compare a.png nowhere.png --json", 1).contains("nowhere.png"));
+    assert!(shop.fail("compare a.png recipe.toml", 1).contains("recipe.toml"));
+    assert!(shop.fail("compare narrow.png narrow.png", 1).contains("too small"));
+    let same = shop.json("compare a.png a.png --json");
+    assert!(same["psnr"].is_null() && same["ssim"] == 1.0);
+}

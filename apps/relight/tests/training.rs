@@ -1,0 +1,88 @@
+//! Training as a user meets it: it learns, and it survives being stopped.
+
+mod common;
+
+use common::{TINY, Workshop, metrics};
+use relight_field::weights_file;
+use relight_train::demo_scene::DemoScene;
+
+#[test]
+fn a_trained_field_beats_what_can_be_had_without_learning() {
+    let scene = DemoScene { views: 30, lights: 12, width: 48, height: 36 };
+    let recipe = "rays-per-step = 512\nlights-per-ray = 4\nepoch = 300\n\
+        [sampling.guided]\nsamples = 24\n\
+        [grid]\nlevels = 8\nfeatures = 2\nlog2_table = 14\nbase = 8\nfinest = 128\n";
+    let shop = Workshop::with(scene, recipe);
+    shop.succeed("train scene --out run --recipe recipe.toml --steps 600");
+    for split in ["val", "easy", "hard"] {
+        let scores = shop.json(&format!("eval run --split {split} --json"));
+        let own = scores["psnr"].as_f64().unwrap();
+        for baseline in ["mean-image", "nearest-light"] {
+            let other = scores["baselines"][baseline]["psnr"].as_f64().unwrap();
+            assert!(own > other + 1.0, "{split}: {own} dB against {other} dB of {baseline}");
+        }
+    }
+}
+
+#[cfg(unix)]
+mod stopping {
+    use std::process::{Command, Stdio};
+    use std::time::{Duration, Instant};
+
+    use super::*;
+
+    /// Starts a training of 600 steps and sends it `signal` once there is a checkpoint; its exit status and what it
+    /// said.
+    fn interrupted(shop: &Workshop, signal: &str) -> (Option<i32>, String) {
+        let mut child = shop
+            .command("train scene --out stopped --recipe recipe.toml --steps 600")
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let checkpoint = shop.path("stopped/checkpoint/latest.safetensors");
+        let patience = Instant::now();
+        while !checkpoint.is_file() {
+            assert!(patience.elapsed() < Duration::from_secs(120), "no checkpoint");
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
+        let mut said = String::new();
+        std::io::Read::read_to_string(&mut child.stderr.take().unwrap(), &mut said).unwrap();
+        (child.wait().unwrap().code(), said)
+    }
+
+    fn resumed_equals_whole(shop: &Workshop) {
+        shop.succeed("train scene --out stopped --resume");
+        shop.succeed("train scene --out whole --recipe recipe.toml --steps 600");
+        let (stopped, whole) = (shop.path("stopped"), shop.path("whole"));
+        assert!(metrics(&stopped) == metrics(&whole));
+        let weights = |run: &std::path::Path| weights_file::load(&run.join("weights.safetensors")).unwrap();
+        assert!(weights(&stopped) == weights(&whole));
+    }
+
+    #[test]
+    fn a_killed_run_goes_on_as_if_nothing_had_happened() {
+        let shop = Workshop::new();
+        let (status, _) = interrupted(&shop, "-KILL");
+        assert_eq!(status, None, "it was killed before its end");
+        resumed_equals_whole(&shop);
+    }
+
+    #[test]
+    fn ctrl_c_stops_cleanly_and_the_run_goes_on_later() {
+        let shop = Workshop::new();
+        let (status, said) = interrupted(&shop, "-INT");
+        assert_eq!(status, Some(1), "{said}");
+        assert!(said.contains("--resume"), "{said}");
+        resumed_equals_whole(&shop);
+    }
+}
+
+#[test]
+fn without_a_budget_training_ends_when_validation_stops_improving() {
+    let recipe = format!("patience = 2\nimprovement = 1000.0\n{TINY}");
+    let shop = Workshop::with(DemoScene { views: 8, lights: 6, width: 24, height: 18 }, &recipe);
+    shop.succeed("train scene --out run --recipe recipe.toml");
+    assert_eq!(metrics(&shop.path("run")).last().unwrap()["step"], 30);
+}
