@@ -63,11 +63,54 @@ impl Moments {
         rate: f32,
         correction: &BiasCorrection,
     ) {
-        self.updates += 1;
+        self.updates = self.updates.saturating_add(1);
         let c = correction.at(self.updates);
         let moments = self.m.iter_mut().zip(&mut self.v);
         for ((w, &g), (m, v)) in weights.zip(gradient).zip(moments) {
             update(w, m, v, g, rate, c);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use relight_field::random::Random;
+
+    #[test]
+    fn moments_step_like_plain_adam() {
+        const WEIGHTS: usize = 7;
+        let (random, rate, correction) = (Random::new(1, 0), 0.01, BiasCorrection::default());
+        let mut weights: Vec<f32> = (0..WEIGHTS as u64).map(|i| random.uniform_at(i) - 0.5).collect();
+        let mut moments = Moments::new(WEIGHTS);
+        let mut plain: Vec<[f64; 3]> = weights.iter().map(|&w| [f64::from(w), 0.0, 0.0]).collect();
+        for step in 1..=30 {
+            // Magnitudes from 1e-9 to 1e3: Adam's step depends on none of them.
+            let gradient: Vec<f32> = (0..WEIGHTS)
+                .map(|i| (random.uniform_at((100 * step + i) as u64) - 0.4) * 10f32.powi(2 * i as i32 - 9))
+                .collect();
+            moments.step(weights.iter_mut(), &gradient, rate, &correction);
+            for ([w, m, v], &g) in plain.iter_mut().zip(&gradient) {
+                let g = f64::from(g);
+                *m = 0.9 * *m + 0.1 * g;
+                *v = 0.999 * *v + 0.001 * g * g;
+                let (m, v) = (*m / (1.0 - 0.9f64.powi(step as i32)), *v / (1.0 - 0.999f64.powi(step as i32)));
+                *w -= f64::from(rate) * m / (v.sqrt() + 1e-15);
+            }
+        }
+        assert_eq!(moments.updates, 30);
+        for (ours, [plain, ..]) in weights.iter().zip(&plain) {
+            assert!((f64::from(*ours) - plain).abs() < 1e-5, "{ours} {plain}");
+        }
+    }
+
+    #[test]
+    fn corrections_fade_to_one() {
+        let correction = BiasCorrection::default();
+        let (c1, c2) = correction.at(1);
+        assert!((c1 - 10.0).abs() < 1e-4 && (c2 - 1000.0).abs() < 0.1, "{c1} {c2}");
+        let last = correction.at(1 << 14);
+        assert!((last.0 - 1.0).abs() < 1e-6 && (last.1 - 1.0).abs() < 1e-6, "{last:?}");
+        assert_eq!(correction.at(u32::MAX), (1.0, 1.0));
     }
 }

@@ -75,3 +75,95 @@ pub fn depth_penalty(
     }
     loss
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use relight_field::compositing as reference;
+
+    fn f64s(values: &[f32]) -> Vec<f64> {
+        values.iter().map(|&v| f64::from(v)).collect()
+    }
+
+    fn assert_close(ours: &[f32], theirs: &[f64], tolerance: f64) {
+        assert_eq!(ours.len(), theirs.len());
+        for (a, b) in ours.iter().zip(theirs) {
+            assert!((f64::from(*a) - b).abs() < tolerance, "{ours:?} {theirs:?}");
+        }
+    }
+
+    /// Optical depths of samples from clear to opaque, with as many other numbers in 0..1.
+    fn ray() -> impl Strategy<Value = (Vec<f32>, Vec<f32>)> {
+        let optical = prop_oneof![Just(0f32), 0f32..0.1, 0f32..5.0, Just(1e20)];
+        proptest::collection::vec((optical, 0f32..1.0), 2..40).prop_map(|v| v.into_iter().unzip())
+    }
+
+    /// A slab of constant density: the weight within depth `s` is `1 - exp(-sigma s)`, in closed form.
+    #[test]
+    fn constant_density_slab() {
+        let (n, sigma, length) = (100, 3f32, 1.5f32);
+        let mut optical = vec![sigma * length / n as f32; n];
+        optical.push(0.0);
+        let mut w = vec![f32::NAN; n + 1];
+        weights(&optical, &mut w);
+        let mut sum = 0.0;
+        for (i, w) in w[..n].iter().enumerate() {
+            sum += w;
+            let depth = length * (i + 1) as f32 / n as f32;
+            assert!((sum - (1.0 - (-sigma * depth).exp())).abs() < 1e-5);
+        }
+        assert!((w[n] - (-sigma * length).exp()).abs() < 1e-5);
+    }
+
+    proptest! {
+        #[test]
+        fn weights_share_out_one((optical, _) in ray()) {
+            let mut w = vec![f32::NAN; optical.len()];
+            weights(&optical, &mut w);
+            prop_assert!(w.iter().all(|&w| w >= 0.0));
+            prop_assert!((w.iter().sum::<f32>() - 1.0).abs() < 1e-5);
+        }
+
+        #[test]
+        fn weights_and_their_gradient_equal_the_reference((optical, d_weight) in ray()) {
+            let mut w = vec![f32::NAN; optical.len()];
+            weights(&optical, &mut w);
+            // With lengths of one, densities are optical depths.
+            let ones = vec![1.0; optical.len()];
+            let plain = reference::weights(&f64s(&optical), &ones);
+            assert_close(&w, &plain.weight, 1e-6);
+            let mut gradient = d_weight.clone();
+            backward(&w, &mut gradient);
+            assert_close(&gradient, &reference::weights_backward(&plain, &ones, &f64s(&d_weight)), 1e-5);
+            prop_assert_eq!(gradient.last(), Some(&0.0));
+        }
+
+        #[test]
+        fn penalties_equal_the_reference((optical, lengths) in ray()) {
+            let mut w = vec![f32::NAN; optical.len()];
+            weights(&optical, &mut w);
+            let t: Vec<f32> = lengths.iter().scan(0.3, |t, l| Some(std::mem::replace(t, *t + l))).collect();
+            let (edge, scale, margin) = (2.5, 0.7, 0.05);
+            let depth = t[t.len() / 2] + 0.01;
+            let (w64, t64) = (f64s(&w), f64s(&t));
+            // They add to what is there.
+            let expected = |by_weight: Vec<f64>, unit: f64| -> Vec<f64> {
+                by_weight.iter().map(|d| 1.0 + f64::from(scale) * d / unit).collect()
+            };
+
+            let mut gradient = vec![1.0; w.len()];
+            let loss = distortion(&w, &t, &lengths, edge, scale, &mut gradient);
+            let (plain, by_weight) = reference::distortion(&w64, &t64, &f64s(&lengths));
+            prop_assert!((f64::from(loss) - plain / f64::from(edge)).abs() < 1e-4);
+            assert_close(&gradient, &expected(by_weight, f64::from(edge)), 1e-4);
+
+            let mut gradient = vec![1.0; w.len()];
+            let loss = depth_penalty(&w, &t, depth, margin, scale, &mut gradient);
+            let (plain, by_weight) =
+                reference::depth_penalty(&w64, &t64, f64::from(depth), f64::from(margin));
+            prop_assert!((f64::from(loss) - plain).abs() < 1e-4);
+            assert_close(&gradient, &expected(by_weight, 1.0), 1e-4);
+        }
+    }
+}

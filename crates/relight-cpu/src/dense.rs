@@ -244,8 +244,22 @@ fn outer_block<S: Simd, const M: usize, const K: usize>(
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
+
+    /// Every instruction set that this machine has.
+    pub(crate) fn levels() -> Vec<Level> {
+        let best = Level::new();
+        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+        let lower = [
+            best.as_avx2().map(|s| s.level()),
+            best.as_sse4_2().map(|s| s.level()),
+            best.as_sse2().map(|s| s.level()),
+        ];
+        #[cfg(not(any(target_arch = "x86", target_arch = "x86_64")))]
+        let lower = [None];
+        lower.into_iter().flatten().chain([best]).collect()
+    }
 
     fn numbers(n: usize, seed: u32) -> Vec<f32> {
         (0..n as u32)
@@ -263,9 +277,10 @@ mod tests {
             let (a, x) = (numbers(inputs * stride, 1), numbers(inputs * columns, 2));
             let mask = numbers(outputs * columns, 3);
             let mut y = vec![f32::NAN; outputs * columns];
-            for store in [Store::Set, Store::Rectified, Store::WherePositive(&mask)] {
+            let stores = [Store::Set, Store::Rectified, Store::WherePositive(&mask)];
+            for (store, level) in stores.into_iter().flat_map(|s| levels().into_iter().map(move |l| (s, l))) {
                 let matrix = Matrix { data: &a, stride, first };
-                multiply(Level::new(), matrix, &x, &mut y, (inputs, outputs, columns), store);
+                multiply(level, matrix, &x, &mut y, (inputs, outputs, columns), store);
                 for m in 0..outputs {
                     for c in 0..columns {
                         let plain: f32 =
@@ -286,11 +301,13 @@ mod tests {
 
     #[test]
     fn outer_adds_plain_sums() {
-        for (inputs, outputs, columns) in SHAPES {
+        for ((inputs, outputs, columns), level) in
+            SHAPES.into_iter().flat_map(|s| levels().into_iter().map(move |l| (s, l)))
+        {
             let (dy, x) = (numbers(outputs * columns, 1), numbers(inputs * columns, 2));
             let before = numbers(inputs * outputs, 3);
             let mut w = before.clone();
-            accumulate_outer(Level::new(), &dy, &x, &mut w, (inputs, outputs, columns));
+            accumulate_outer(level, &dy, &x, &mut w, (inputs, outputs, columns));
             for m in 0..outputs {
                 for k in 0..inputs {
                     let plain: f32 = (0..columns).map(|c| dy[m * columns + c] * x[k * columns + c]).sum();

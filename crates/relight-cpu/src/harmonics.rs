@@ -43,3 +43,36 @@ fn harmonics_simd<S: Simd>(simd: S, x: &[f32], y: &[f32], z: &[f32], out: &mut [
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dense::tests::levels;
+    use relight_field::encoding::spherical_harmonics::encode;
+    use relight_field::random::Random;
+
+    #[test]
+    fn every_instruction_set_agrees_with_the_reference() {
+        const COLUMNS: usize = 48;
+        let random = Random::new(3, 0);
+        let mut directions: Vec<[f32; 3]> = (0..COLUMNS as u64)
+            .map(|i| {
+                let v = [0, 1, 2].map(|a| random.uniform_at(3 * i + a) - 0.5);
+                let norm = v.iter().map(|x| x * x).sum::<f32>().sqrt();
+                v.map(|x| x / norm)
+            })
+            .collect();
+        directions[..3].copy_from_slice(&[[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]]);
+        let [x, y, z] = [0, 1, 2].map(|a| directions.iter().map(|d| d[a]).collect::<Vec<f32>>());
+        for level in levels() {
+            let mut out = vec![f32::NAN; HARMONICS * COLUMNS];
+            spherical_harmonics(level, [&x, &y, &z], &mut out);
+            for (c, direction) in directions.iter().enumerate() {
+                for (i, plain) in encode(direction.map(f64::from)).into_iter().enumerate() {
+                    let ours = f64::from(out[i * COLUMNS + c]);
+                    assert!((ours - plain).abs() < 1e-6, "{level:?}, {direction:?}, {i}: {ours} {plain}");
+                }
+            }
+        }
+    }
+}

@@ -281,11 +281,164 @@ fn update_touched(
             bits &= bits - 1;
             let g = std::mem::take(&mut scratch.gradient[index]);
             let (entry, state) = (&mut table[index], &mut moments[index]);
-            state.updates += 1;
+            state.updates = state.updates.saturating_add(1);
             let c = correction.at(state.updates);
             for f in 0..2 {
                 adam::update(&mut entry[f], &mut state.m[f], &mut state.v[f], g[f], rate, c);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dense::tests::levels;
+    use relight_field::encoding::hash_grid as reference;
+    use relight_field::random::Random;
+
+    const COLUMNS: usize = 32;
+    const TILES: usize = 3;
+    const SAMPLES: usize = TILES * COLUMNS;
+
+    /// Dense levels and hashed ones.
+    fn config() -> GridConfig {
+        let config = GridConfig { levels: 5, features: 2, log2_table: 9, base: 3, finest: 40 };
+        assert!(config.level_table().iter().any(|l| l.hashed));
+        assert!(config.level_table().iter().any(|l| !l.hashed));
+        config
+    }
+
+    fn table(config: &GridConfig) -> Vec<f32> {
+        let random = Random::new(5, 0);
+        (0..2 * config.entries() as u64).map(|i| random.uniform_at(i) - 0.5).collect()
+    }
+
+    /// Random positions; among the first of them all corners of the cube and points on its faces and beyond them.
+    fn positions() -> Vec<[f32; 3]> {
+        let random = Random::new(5, 1);
+        let mut positions: Vec<[f32; 3]> = (0..SAMPLES as u64)
+            .map(|i| [0, 1, 2].map(|a| 0.001 + 0.998 * random.uniform_at(3 * i + a)))
+            .collect();
+        for (i, p) in positions[..20].iter_mut().enumerate() {
+            match i {
+                0..8 => *p = [i & 1, i >> 1 & 1, i >> 2].map(|bit| bit as f32),
+                8..14 => p[(i - 8) / 2] = (i % 2) as f32,
+                _ => p[(i - 14) / 2] = if i % 2 == 0 { -0.3 } else { 1.7 },
+            }
+        }
+        positions
+    }
+
+    /// `[tile][rows][columns]` of `row(sample, r)`.
+    fn tiled(rows: usize, row: impl Fn(usize, usize) -> f32) -> Vec<f32> {
+        let number = |i: usize| row(i / (rows * COLUMNS) * COLUMNS + i % COLUMNS, i / COLUMNS % rows);
+        (0..rows * SAMPLES).map(number).collect()
+    }
+
+    fn unit(p: [f32; 3]) -> [f64; 3] {
+        p.map(|v| f64::from(v.clamp(0.0, 1.0)))
+    }
+
+    #[test]
+    fn features_equal_the_reference() {
+        let config = config();
+        let (table, positions) = (table(&config), positions());
+        let grid = HashGrid::new(&config, &table);
+        let data = tiled(3, |sample, axis| positions[sample][axis]);
+        let plain_table: Vec<f64> = table.iter().map(|&v| f64::from(v)).collect();
+        let plain = reference::HashGrid::new(&config);
+        for level in levels() {
+            let mut features = vec![f32::NAN; grid.outputs() * SAMPLES];
+            grid.encode(level, TiledPositions { data: &data, columns: COLUMNS }, &mut features);
+            let expected: Vec<Vec<f64>> =
+                positions.iter().map(|&p| plain.encode(&plain_table, unit(p))).collect();
+            let expected = tiled(grid.outputs(), |sample, row| expected[sample][row] as f32);
+            for (i, (ours, plain)) in features.iter().zip(&expected).enumerate() {
+                assert!((ours - plain).abs() < 1e-5, "{level:?}, number {i}: {ours} {plain}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_step_updates_the_entries_that_samples_touched_and_no_others() {
+        let config = config();
+        let before = table(&config);
+        let positions = positions();
+        let plain = reference::HashGrid::new(&config);
+        let data = tiled(3, |sample, axis| positions[sample][axis]);
+        let positions_tiled = TiledPositions { data: &data, columns: COLUMNS };
+        let (random, rate, correction) = (Random::new(5, 2), 0.01, BiasCorrection::default());
+        let outputs = 2 * config.levels;
+        for level in levels() {
+            let mut grid = HashGrid::new(&config, &before);
+            let mut updates = vec![0u32; config.entries()];
+            let mut adam: Vec<[f64; 3]> = before.iter().map(|&w| [f64::from(w), 0.0, 0.0]).collect();
+            // Other samples each time: what one step leaves behind must not leak into the next. Those before the
+            // 20th lie on vertices, whose neighbours they touch with weight zero.
+            for samples in [20..25, 40..50, 22..42] {
+                let value =
+                    |sample: usize, row: usize| random.uniform_at((sample * outputs + row) as u64) - 0.45;
+                let gradients =
+                    tiled(
+                        outputs,
+                        |sample, row| {
+                            if samples.contains(&sample) { value(sample, row) } else { 0.0 }
+                        },
+                    );
+                grid.step(level, positions_tiled, &gradients, rate, &correction);
+
+                let mut gradient = vec![0.0; before.len()];
+                for sample in samples {
+                    let d_h: Vec<f64> = (0..outputs).map(|row| f64::from(value(sample, row))).collect();
+                    plain.backward(unit(positions[sample]), &d_h, &mut gradient);
+                }
+                for (entry, g) in gradient.as_chunks::<2>().0.iter().enumerate() {
+                    if *g == [0.0; 2] {
+                        continue;
+                    }
+                    updates[entry] += 1;
+                    let n = updates[entry] as i32;
+                    for ([w, m, v], g) in adam[2 * entry..2 * entry + 2].iter_mut().zip(g) {
+                        *m = 0.9 * *m + 0.1 * g;
+                        *v = 0.999 * *v + 0.001 * g * g;
+                        let (m, v) = (*m / (1.0 - 0.9f64.powi(n)), *v / (1.0 - 0.999f64.powi(n)));
+                        *w -= f64::from(rate) * m / (v.sqrt() + 1e-15);
+                    }
+                }
+            }
+            let (m, v, counted) = grid.moments();
+            assert_eq!(counted, updates, "{level:?}");
+            let touched = updates.iter().filter(|&&n| n > 0).count();
+            assert!(touched > 100 && touched < config.entries(), "{touched}");
+            for (i, [plain_w, plain_m, plain_v]) in adam.into_iter().enumerate() {
+                let weight = grid.table.as_flattened()[i];
+                if updates[i / 2] == 0 {
+                    assert_eq!((weight.to_bits(), m[i], v[i]), (before[i].to_bits(), 0.0, 0.0));
+                    continue;
+                }
+                let close = |ours: f32, plain: f64, of: f64| (f64::from(ours) - plain).abs() < 1e-4 * of;
+                assert!(close(m[i], plain_m, 0.05), "{level:?}, {i}: {} {plain_m}", m[i]);
+                assert!(close(v[i], plain_v, 0.001), "{level:?}, {i}: {} {plain_v}", v[i]);
+                // A gradient near zero has a sign that rounding decides.
+                assert!(plain_m.abs() < 1e-5 || close(weight, plain_w, 1.0), "{i}: {weight} {plain_w}");
+            }
+        }
+    }
+
+    #[test]
+    fn moments_return_as_they_were_and_others_are_refused() {
+        let config = config();
+        let mut grid = HashGrid::new(&config, &table(&config));
+        let n = config.entries();
+        let m: Vec<f32> = (0..2 * n).map(|i| i as f32).collect();
+        let v: Vec<f32> = m.iter().map(|m| m + 0.5).collect();
+        let updates: Vec<u32> = (0..n as u32).collect();
+        assert!(grid.set_moments(&m, &v, &updates));
+        assert_eq!(grid.moments(), (m.clone(), v.clone(), updates.clone()));
+        assert!(!grid.set_moments(&m[1..], &v, &updates));
+        assert!(!grid.set_moments(&m, &v[1..], &updates));
+        assert!(!grid.set_moments(&m, &v, &updates[1..]));
+        assert_eq!(grid.moments(), (m, v, updates));
     }
 }

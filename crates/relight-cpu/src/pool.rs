@@ -23,3 +23,25 @@ impl<T> Pool<T> {
         result
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_are_made_only_while_none_is_idle() {
+        let pool = Pool::default();
+        let mut made = 0;
+        // Two at once, then one again: the third borrows what the others gave back.
+        let outer = pool.with(|| 1, |a| pool.with(|| 2, |b| [*a, *b]));
+        assert_eq!(outer, [1, 2]);
+        pool.with(
+            || {
+                made += 1;
+                3
+            },
+            |value| assert!([1, 2].contains(value)),
+        );
+        assert_eq!(made, 0);
+    }
+}

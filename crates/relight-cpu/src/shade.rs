@@ -121,7 +121,7 @@ impl Shader {
         }
     }
 
-    /// Fills the rows that describe the light.
+    /// Fills the rows that describe the light, in both networks.
     fn light_rows<'a>(
         &mut self,
         simd: Level,
@@ -130,44 +130,43 @@ impl Shader {
         light: &impl Fn(usize, usize) -> &'a CodedLight,
     ) {
         let columns = self.columns;
+        let input = networks.architecture.light;
         let first = networks.light_row() * columns;
-        match networks.architecture.light {
-            LightInput::None => {}
-            LightInput::Pose => {
-                let rows = &mut self.rgb.values[0][first..networks.position_row() * columns];
-                for (i, row) in rows.chunks_exact_mut(columns).enumerate() {
-                    let (pairs, rest) = row.split_at_mut(self.points.len() * lights);
-                    for (point, chunk) in self.points.iter().zip(pairs.chunks_exact_mut(lights)) {
-                        for (l, value) in chunk.iter_mut().enumerate() {
-                            *value = light(point.ray, l).code[i];
-                        }
-                    }
-                    rest.fill(0.0);
-                }
-            }
-            LightInput::Direction => {
-                self.direction.iter_mut().for_each(Vec::clear);
-                for point in &self.points {
-                    for l in 0..lights {
-                        let to: [f32; 3] =
-                            std::array::from_fn(|a| light(point.ray, l).position[a] - point.position[a]);
-                        let norm = (to[0] * to[0] + to[1] * to[1] + to[2] * to[2]).sqrt().max(1e-12);
-                        for (row, component) in self.direction.iter_mut().zip(to) {
-                            row.push(component / norm);
-                        }
+        let rows = &mut self.rgb.values[0][first..networks.position_row() * columns];
+        if input == LightInput::Pose {
+            for (i, row) in rows.chunks_exact_mut(columns).enumerate() {
+                let (pairs, rest) = row.split_at_mut(self.points.len() * lights);
+                for (point, chunk) in self.points.iter().zip(pairs.chunks_exact_mut(lights)) {
+                    for (l, value) in chunk.iter_mut().enumerate() {
+                        *value = light(point.ray, l).code[i];
                     }
                 }
-                self.direction.iter_mut().for_each(|d| d.resize(columns, 0.0));
-                let [x, y, z] = &self.direction;
-                let rows = first..first + HARMONICS * columns;
-                spherical_harmonics(simd, [x, y, z], &mut self.rgb.values[0][rows.clone()]);
-                if let Some(vis) = &networks.vis {
-                    vis.prepare(&mut self.vis, columns);
-                    let start = networks.features * columns;
-                    self.vis.values[0][start..start + HARMONICS * columns]
-                        .copy_from_slice(&self.rgb.values[0][rows]);
+                rest.fill(0.0);
+            }
+        }
+        if input != LightInput::Direction && networks.vis.is_none() {
+            return;
+        }
+        self.direction.iter_mut().for_each(Vec::clear);
+        for point in &self.points {
+            for l in 0..lights {
+                let to: [f32; 3] =
+                    std::array::from_fn(|a| light(point.ray, l).position[a] - point.position[a]);
+                let norm = (to[0] * to[0] + to[1] * to[1] + to[2] * to[2]).sqrt().max(1e-12);
+                for (row, component) in self.direction.iter_mut().zip(to) {
+                    row.push(component / norm);
                 }
             }
+        }
+        self.direction.iter_mut().for_each(|d| d.resize(columns, 0.0));
+        let [x, y, z] = &self.direction;
+        if input == LightInput::Direction {
+            spherical_harmonics(simd, [x, y, z], rows);
+        }
+        if let Some(vis) = &networks.vis {
+            vis.prepare(&mut self.vis, columns);
+            let start = networks.features * columns;
+            spherical_harmonics(simd, [x, y, z], &mut self.vis.values[0][start..]);
         }
     }
 

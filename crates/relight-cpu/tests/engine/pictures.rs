@@ -1,0 +1,166 @@
+//! Pictures and queries against the plain engine's.
+
+use fearless_simd::Level;
+use relight_cpu::CpuEngine;
+use relight_cpu::samples::{Jitter, SampleBatch};
+use relight_field::architecture::{LightInput, V0, V1, V5};
+use relight_field::engine::*;
+use relight_field::random::Random;
+use relight_field::reference::{Field, ReferenceEngine, loss_and_gradient};
+use relight_field::sampling::{EngineConfig, Sampling, Shading};
+
+use crate::common::*;
+
+const SAMPLING: Sampling = Sampling::Stratified { coarse: 9, fine: 6 };
+
+fn config(sampling: Sampling, shading: Shading) -> EngineConfig {
+    EngineConfig { sampling, shading, seed: 3 }
+}
+
+/// Relative difference, of numbers that are not nearly zero.
+fn assert_equal(what: &str, ours: &[f32], plain: &[f32], tolerance: f32) {
+    assert_eq!(ours.len(), plain.len(), "{what}");
+    for (i, (a, b)) in ours.iter().zip(plain).enumerate() {
+        assert!((a - b).abs() <= tolerance * b.abs().max(1e-3), "{what}, number {i}: {a} is not {b}");
+    }
+}
+
+#[test]
+fn queries_equal_the_plain_engines() {
+    let random = Random::new(4, 0);
+    // More than are evaluated together, and some of them outside the box.
+    let positions = (0..431u64)
+        .map(|i| {
+            std::array::from_fn(|a| {
+                let share = 1.2 * random.uniform_at(6 * i + a as u64) - 0.1;
+                BOUNDS.lo[a] + share * (BOUNDS.hi[a] - BOUNDS.lo[a])
+            })
+        })
+        .collect();
+    let directions =
+        (0..431).map(|i| normalised([0, 1, 2].map(|a| random.uniform_at(6 * i + 3 + a) - 0.5))).collect();
+    let points = Points { positions, directions, light: Some(lights()[2]) };
+    for (name, architecture, shading) in cases() {
+        let parameters = field(architecture);
+        let ours = CpuEngine::new(&parameters, config(SAMPLING, shading)).unwrap().query(&points).unwrap();
+        let plain = ReferenceEngine::<f64>::new(&parameters, config(SAMPLING, shading)).unwrap();
+        let plain = plain.query(&points).unwrap();
+        assert_equal(name, &ours.density, &plain.density, 1e-5);
+        assert_equal(name, ours.rgb.as_flattened(), plain.rgb.as_flattened(), 1e-5);
+        assert_eq!(ours.visibility.is_some(), plain.visibility.is_some());
+        if let (Some(ours), Some(plain)) = (&ours.visibility, &plain.visibility) {
+            assert_equal(name, ours, plain, 1e-5);
+        }
+        let outside = plain.density.iter().filter(|&&d| d == 0.0).count();
+        assert!((50..400).contains(&outside), "{outside}");
+    }
+}
+
+#[test]
+fn queries_need_a_light_only_where_the_field_does() {
+    let points = Points { positions: vec![[0.0; 3]], directions: vec![[0.0, 0.0, 1.0]], light: None };
+    let engine = |a| CpuEngine::new(&field(a), config(SAMPLING, Shading::Deferred)).unwrap();
+    assert_eq!(engine(V0).query(&points).unwrap().rgb.len(), 1);
+    for architecture in [V1, V5] {
+        assert!(matches!(engine(architecture).query(&points), Err(EngineError::Shape(_))));
+    }
+    let empty = engine(V5).query(&Points { light: Some(lights()[0]), ..Points::default() }).unwrap();
+    assert!(empty.density.is_empty() && empty.rgb.is_empty());
+}
+
+/// What a picture holds, from the oracle and the same samples: the loss against black under one light is the mean
+/// square of the colours.
+#[test]
+fn colours_equal_the_oracles() {
+    let n = 23;
+    for (name, architecture, shading) in cases() {
+        let parameters = field(architecture);
+        let light = lights()[1];
+        let engine = CpuEngine::new(&parameters, config(SAMPLING, shading)).unwrap();
+        let rays = rays(n);
+        let drawn =
+            engine.render(&rays, &light, Outputs::default(), &RenderSettings { samples: None }).unwrap();
+        assert!(drawn.visibility.is_empty() && drawn.reflectance.is_empty());
+
+        let parts = Parts::new(&parameters);
+        let mut samples = SampleBatch::default();
+        samples.fill(&parts.marcher(Level::new()), &rays, SAMPLING, 4, Jitter(None));
+        let plain = plain_samples(&samples, n);
+        let field = Field::<f64>::new(&parameters).unwrap();
+        let still = StepSettings {
+            step: 0,
+            learning_rate: 0.0,
+            depth_weight: 0.0,
+            depth_margin: 1.0,
+            distortion_weight: 0.0,
+        };
+        for r in 0..n {
+            let one = RayBatch {
+                rays: Rays { origins: vec![rays.origins[r]], directions: vec![rays.directions[r]] },
+                lights: vec![light],
+                lights_per_ray: 1,
+                light_index: vec![0],
+                // Against the colour drawn, nothing is left of the loss if it is the oracle's.
+                colours: vec![drawn.colour[r]],
+                depths: Vec::new(),
+            };
+            let loss = loss_and_gradient(&field, shading, &one, &plain[r..=r], &still).unwrap().colour;
+            // Samples of less than 1e-4 in all are not shaded.
+            assert!(loss.sqrt() < 2e-6, "{name}, {shading:?}, ray {r}: {}", loss.sqrt());
+        }
+    }
+}
+
+/// With the same number of samples both engines draw nearly the same picture of a smooth field, though they place
+/// them differently.
+#[test]
+fn all_outputs_approach_the_plain_engines() {
+    let mut parameters = field(V5);
+    parameters.table.iter_mut().for_each(|v| *v *= 0.3);
+    let (rays, light) = (rays(12), lights()[1]);
+    let outputs = Outputs { visibility: true, reflectance: true };
+    let settings = RenderSettings { samples: Some(2000) };
+    for shading in SHADINGS {
+        let plain = ReferenceEngine::<f32>::new(&parameters, config(SAMPLING, shading)).unwrap();
+        let plain = plain.render(&rays, &light, outputs, &settings).unwrap();
+        for sampling in [SAMPLING, Sampling::Guided { samples: 16 }] {
+            let engine = CpuEngine::new(&parameters, config(sampling, shading)).unwrap();
+            let ours = engine.render(&rays, &light, outputs, &settings).unwrap();
+            let name = format!("{shading:?}, {sampling:?}");
+            assert_equal(&name, ours.colour.as_flattened(), plain.colour.as_flattened(), 5e-3);
+            assert_equal(&name, &ours.visibility, &plain.visibility, 5e-3);
+            assert_equal(&name, ours.reflectance.as_flattened(), plain.reflectance.as_flattened(), 5e-3);
+            assert_equal(&name, &ours.depth, &plain.depth, 5e-3);
+            // The first ray misses the box; the others' opacity neither vanishes nor is full.
+            for (r, (ours, plain)) in ours.opacity.iter().zip(&plain.opacity).enumerate() {
+                assert!((ours - plain).abs() < 5e-3, "{name}, ray {r}: opacity {ours} {plain}");
+                assert!(if r == 0 { *ours == 0.0 } else { (0.05..0.95).contains(ours) }, "{ours}");
+            }
+        }
+    }
+}
+
+#[test]
+fn reflectance_times_visibility_is_the_colour_of_deferred_rays() {
+    let engine = CpuEngine::new(&field(V5), config(SAMPLING, Shading::Deferred)).unwrap();
+    let outputs = Outputs { visibility: true, reflectance: true };
+    // More rays than are marched together.
+    let rays = rays(3000);
+    let drawn = engine.render(&rays, &lights()[0], outputs, &RenderSettings { samples: Some(4) }).unwrap();
+    assert_eq!((drawn.colour.len(), drawn.visibility.len(), drawn.depth.len()), (3000, 3000, 3000));
+    for ((colour, o), c) in drawn.colour.iter().zip(&drawn.visibility).zip(&drawn.reflectance) {
+        assert!((0..3).all(|k| (colour[k] - o * c[k]).abs() < 1e-6));
+    }
+    let none = engine.render(&Rays::default(), &lights()[0], outputs, &RenderSettings { samples: None });
+    assert!(none.unwrap().colour.is_empty());
+}
+
+#[test]
+fn fields_without_visibility_draw_none() {
+    let engine = CpuEngine::new(&field(V0), config(SAMPLING, Shading::PerSample)).unwrap();
+    let outputs = Outputs { visibility: true, reflectance: true };
+    let drawn = engine.render(&rays(3), &lights()[0], outputs, &RenderSettings { samples: None }).unwrap();
+    assert!(drawn.visibility.is_empty());
+    assert_eq!(drawn.reflectance, drawn.colour);
+    assert_eq!(V0.light, LightInput::None);
+}

@@ -1,0 +1,139 @@
+//! The same run again, on other numbers of threads, and continued from a checkpoint: always the same bits.
+
+use relight_cpu::CpuEngine;
+use relight_field::architecture::V5;
+use relight_field::engine::*;
+use relight_field::parameters::Parameters;
+use relight_field::sampling::{EngineConfig, Sampling, Shading};
+
+use crate::common::*;
+
+/// The fast recipe's way and the paper's.
+const CONFIGS: [EngineConfig; 2] = [
+    EngineConfig { sampling: Sampling::Guided { samples: 9 }, shading: Shading::Deferred, seed: 11 },
+    EngineConfig {
+        sampling: Sampling::Stratified { coarse: 5, fine: 4 },
+        shading: Shading::PerSample,
+        seed: 11,
+    },
+];
+
+fn settings(step: u64) -> StepSettings {
+    StepSettings { step, learning_rate: 0.01, depth_weight: 0.1, depth_margin: 0.05, distortion_weight: 0.05 }
+}
+
+fn engine(config: EngineConfig) -> CpuEngine {
+    let mut engine = CpuEngine::new(&field(V5), config).unwrap();
+    engine.expect_surfaces(&[[0.1, 0.1, 0.3], [-0.2, 0.0, 0.5], [9.0, 0.0, 0.0]]);
+    engine
+}
+
+/// Takes the steps; more rays than tiles of one lane, so that several threads have something to do.
+fn train(engine: &mut CpuEngine, steps: std::ops::Range<u64>) {
+    let batch = batch(801, 2);
+    for step in steps {
+        engine.train_step(&batch, &settings(step)).unwrap();
+    }
+}
+
+fn bits(parameters: &Parameters) -> Vec<u32> {
+    parameters.tensors().iter().flat_map(|(_, _, v)| v.iter().map(|v| v.to_bits())).collect()
+}
+
+fn assert_same(a: &CpuEngine, b: &CpuEngine) {
+    assert!(bits(&a.parameters().unwrap()) == bits(&b.parameters().unwrap()), "parameters differ");
+    assert!(a.state().unwrap() == b.state().unwrap(), "states differ");
+}
+
+#[test]
+fn the_same_seed_gives_the_same_run_on_any_number_of_threads() {
+    for config in CONFIGS {
+        let [one, four, again] = [1, 4, 4].map(|threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                let mut engine = engine(config);
+                train(&mut engine, 0..20);
+                engine
+            })
+        });
+        assert_same(&one, &four);
+        assert_same(&four, &again);
+        let drawn = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let settings = RenderSettings { samples: None };
+            pool.install(|| {
+                one.render(&rays(5000), &lights()[0], Outputs::default(), &settings).unwrap().colour
+            })
+        };
+        assert!(drawn(1) == drawn(4));
+
+        let mut other = engine(EngineConfig { seed: 12, ..config });
+        train(&mut other, 0..2);
+        let mut same = engine(config);
+        train(&mut same, 0..2);
+        assert!(
+            bits(&other.parameters().unwrap()) != bits(&same.parameters().unwrap()),
+            "the seed is ignored"
+        );
+    }
+}
+
+#[test]
+fn a_restored_run_is_the_very_same_run() {
+    for config in CONFIGS {
+        let mut straight = engine(config);
+        train(&mut straight, 0..10);
+        let (parameters, state) = (straight.parameters().unwrap(), straight.state().unwrap());
+        train(&mut straight, 10..20);
+
+        // Into an engine that has been elsewhere.
+        let mut restored = engine(config);
+        train(&mut restored, 30..33);
+        restored.restore(&parameters, &state).unwrap();
+        train(&mut restored, 10..20);
+        assert_same(&straight, &restored);
+    }
+}
+
+#[test]
+fn a_step_that_is_not_finite_changes_nothing() {
+    for config in CONFIGS {
+        for bad in [f32::NAN, f32::INFINITY, 1e30] {
+            let mut engine = engine(config);
+            train(&mut engine, 0..2);
+            let (parameters, state) = (engine.parameters().unwrap(), engine.state().unwrap());
+            let mut batch = batch(801, 2);
+            batch.colours[1234][1] = bad;
+            let error = engine.train_step(&batch, &settings(2)).unwrap_err();
+            assert!(matches!(error, EngineError::NonFinite { step: 2, .. }), "{error}");
+            assert!(bits(&parameters) == bits(&engine.parameters().unwrap()));
+            assert!(state == engine.state().unwrap());
+
+            // Nor does it leave anything behind that shows later.
+            train(&mut engine, 2..4);
+            let mut untroubled = self::engine(config);
+            train(&mut untroubled, 0..4);
+            assert_same(&engine, &untroubled);
+        }
+    }
+}
+
+#[test]
+fn rays_that_are_nowhere_are_refused_in_training_and_harmless_in_pictures() {
+    for config in CONFIGS {
+        let mut engine = engine(config);
+        let parameters = engine.parameters().unwrap();
+        for (origin, direction) in [([f32::NAN; 3], [0.0, 0.0, 1.0]), ([0.0; 3], [f32::NAN, 0.0, 0.0])] {
+            let mut batch = batch(20, 2);
+            (batch.rays.origins[7], batch.rays.directions[7]) = (origin, direction);
+            let error = engine.train_step(&batch, &settings(0)).unwrap_err();
+            assert!(matches!(error, EngineError::NonFinite { .. }), "{error}");
+            assert!(bits(&parameters) == bits(&engine.parameters().unwrap()));
+            let settings = RenderSettings { samples: None };
+            let drawn = engine.render(&batch.rays, &lights()[0], Outputs::default(), &settings).unwrap();
+            let alone = engine.render(&rays(20), &lights()[0], Outputs::default(), &settings).unwrap();
+            // The other rays do not notice.
+            assert!((0..20).all(|r| r == 7 || drawn.colour[r] == alone.colour[r]));
+        }
+    }
+}

@@ -1,0 +1,133 @@
+//! Whole training steps against the oracle's gradients and plain Adam.
+
+use fearless_simd::Level;
+use relight_cpu::CpuEngine;
+use relight_cpu::samples::{Jitter, SampleBatch};
+use relight_field::architecture::V5;
+use relight_field::engine::*;
+use relight_field::parameters::Parameters;
+use relight_field::random::Random;
+use relight_field::reference::{Field, loss_and_gradient};
+use relight_field::sampling::{EngineConfig, Sampling};
+
+use crate::common::*;
+
+const SEED: u64 = 3;
+
+fn settings(step: u64) -> StepSettings {
+    StepSettings {
+        step,
+        learning_rate: 0.003,
+        depth_weight: 0.1,
+        depth_margin: 0.05,
+        distortion_weight: 0.05,
+    }
+}
+
+fn f32s<'a>(state: &'a EngineState, name: &str) -> &'a [f32] {
+    match &state[name] {
+        StateTensor::F32(values) => values,
+        other => panic!("{name}: {other:?}"),
+    }
+}
+
+fn u32s<'a>(state: &'a EngineState, name: &str) -> &'a [u32] {
+    match &state[name] {
+        StateTensor::U32(values) => values,
+        other => panic!("{name}: {other:?}"),
+    }
+}
+
+/// The table, and the weights of each network one after another.
+fn groups<R: relight_field::real::Real>(parameters: &Parameters<R>) -> [Vec<R>; 4] {
+    let mut groups = [const { Vec::new() }; 4];
+    for (name, _, values) in parameters.tensors() {
+        let group = ["grid", "geo", "rgb", "vis"].iter().position(|g| name.starts_with(g)).unwrap();
+        groups[group].extend_from_slice(values);
+    }
+    groups
+}
+
+/// Three steps. Each one's moments must be those of the oracle's gradients at the parameters before it, and its
+/// parameters those that Adam makes of its moments.
+#[test]
+fn three_steps_follow_the_oracles_gradients() {
+    let (n, mut batch) = (37, batch(37, 3));
+    // Samples of a ray that misses lie on corners of the box, and meet other vertices with weight zero: the oracle
+    // counts those untouched.
+    batch.rays.origins[0] = batch.rays.origins[1];
+    for (name, architecture, shading) in cases() {
+        // A second pass puts samples so close together that some of them are too light to be shaded.
+        let sampling = Sampling::Stratified { coarse: 12, fine: 0 };
+        let config = EngineConfig { sampling, shading, seed: SEED };
+        let mut engine = CpuEngine::new(&field(architecture), config).unwrap();
+        let mut moments: [Vec<[f64; 2]>; 4] =
+            groups(&engine.parameters().unwrap()).map(|g| vec![[0.0; 2]; g.len()]);
+        for step in 0..3 {
+            let name = format!("{name}, {shading:?}, step {step}");
+            let before = engine.parameters().unwrap();
+            let parts = Parts::new(&before);
+            let mut samples = SampleBatch::default();
+            let jitter = Jitter(Some(Random::new(SEED, step)));
+            samples.fill(&parts.marcher(Level::new()), &batch.rays, sampling, 4, jitter);
+            let stats = engine.train_step(&batch, &settings(step)).unwrap();
+
+            let plain = plain_samples(&samples, n);
+            let field = Field::<f64>::new(&before).unwrap();
+            let oracle = loss_and_gradient(&field, shading, &batch, &plain, &settings(step)).unwrap();
+            assert!((stats.loss / oracle.colour - 1.0).abs() < 1e-5, "{name}: {stats:?} {}", oracle.colour);
+            assert!((stats.depth_spread / oracle.depth_spread - 1.0).abs() < 1e-3, "{name}: {stats:?}");
+            assert_eq!((stats.rays, stats.pixels, stats.samples), (n, 3 * n, 12 * n));
+
+            let (state, after) = (engine.state().unwrap(), groups(&engine.parameters().unwrap()));
+            let (before, gradient) = (groups(&before), groups(&oracle.gradient));
+            let updates = u32s(&state, "adam.grid.updates");
+            for (g, group) in ["grid", "geo", "rgb", "vis"].into_iter().enumerate() {
+                if before[g].is_empty() {
+                    continue;
+                }
+                let name = format!("{name}, {group}");
+                let touched =
+                    |i: usize| group != "grid" || gradient[g][i & !1] != 0.0 || gradient[g][i | 1] != 0.0;
+                for (i, [m, v]) in moments[g].iter_mut().enumerate().filter(|&(i, _)| touched(i)) {
+                    let d = gradient[g][i];
+                    (*m, *v) = (0.9 * *m + 0.1 * d, 0.999 * *v + 0.001 * d * d);
+                }
+                let [first, second] = [0, 1].map(|k| moments[g].iter().map(|m| m[k]).collect::<Vec<_>>());
+                let (m, v) =
+                    (f32s(&state, &format!("adam.{group}.m")), f32s(&state, &format!("adam.{group}.v")));
+                assert_close(&name, m, &first, 1e-4);
+                assert_close(&name, v, &second, 2e-4);
+                for (i, (&before, &after)) in before[g].iter().zip(&after[g]).enumerate() {
+                    if !touched(i) {
+                        assert_eq!(before.to_bits(), after.to_bits(), "{name}, number {i}");
+                        continue;
+                    }
+                    let count = if group == "grid" { updates[i / 2] } else { step as u32 + 1 } as i32;
+                    let first = f64::from(m[i]) / (1.0 - 0.9f64.powi(count));
+                    let second = f64::from(v[i]) / (1.0 - 0.999f64.powi(count));
+                    let plain = f64::from(before) - 0.003 * first / (second.sqrt() + 1e-15);
+                    // The square of a tiny gradient loses its digits to underflow.
+                    assert!(second < 1e-36 || (f64::from(after) - plain).abs() < 1e-6, "{name}, number {i}");
+                }
+            }
+        }
+    }
+}
+
+/// A field learns a batch by heart, with either way of placing samples.
+#[test]
+fn training_lowers_the_loss() {
+    let batch = batch(64, 2);
+    for sampling in [Sampling::Guided { samples: 16 }, Sampling::Stratified { coarse: 8, fine: 8 }] {
+        for shading in SHADINGS {
+            let mut engine =
+                CpuEngine::new(&field(V5), EngineConfig { sampling, shading, seed: SEED }).unwrap();
+            let mut loss = |steps: std::ops::Range<u64>| {
+                steps.map(|step| engine.train_step(&batch, &settings(step)).unwrap().loss).last().unwrap()
+            };
+            let (first, last) = (loss(0..1), loss(1..60));
+            assert!(last < 0.5 * first, "{sampling:?}, {shading:?}: {first} {last}");
+        }
+    }
+}
