@@ -8,50 +8,66 @@ use relight_scene::Bounds;
 const BRICK: usize = 8;
 /// Cells of a brick.
 const BRICK_CELLS: usize = BRICK * BRICK * BRICK;
+/// Codes an octave of density.
+const CODES_AN_OCTAVE: f32 = 8.0;
+/// Base-2 logarithm of the density (per metre) of code 0, which stands for nothing at all.
+const LOWEST_OCTAVE: f32 = -6.0;
 
 /// Densities on a regular grid of cells over the field's box.
 ///
-/// Cells are stored brick by brick, so that a ray meets few cache lines, and each brick knows its largest density,
-/// so that rays step over empty ones.
+/// A cell is one byte, the logarithm of its density, so that the grid stays in cache; forgetting is subtraction.
+/// Cells are stored brick by brick, so that a ray meets few cache lines, and each brick knows its largest code, so
+/// that rays step over empty ones.
 pub struct DensityGrid {
     /// Bricks an axis.
     bricks: usize,
     /// Shortest edge of a cell, metres.
     cell_size: f32,
-    /// Density per metre; bricks x fastest, and cells within a brick likewise.
-    cells: Vec<f32>,
-    /// At least the largest density of each brick.
-    largest: Vec<f32>,
+    /// Codes; bricks x fastest, and cells within a brick likewise.
+    cells: Vec<u8>,
+    /// At least the largest code of each brick.
+    largest: Vec<u8>,
+    /// Optical depth of a cell's edge, by code; 0 for what is too thin to count.
+    optical: [f32; 256],
 }
+
+/// Optical depths of a cell below which rays ignore it.
+const THIN: f32 = 1e-3;
 
 impl DensityGrid {
     /// A grid of `resolution` cells an axis (a multiple of 8) with the same density (per metre) everywhere.
     pub fn uniform(bounds: &Bounds, resolution: usize, density: f32) -> Self {
         let bricks = resolution / BRICK;
         let shortest = (0..3).map(|a| bounds.hi[a] - bounds.lo[a]).fold(f32::INFINITY, f32::min);
+        let cell_size = shortest / (bricks * BRICK) as f32;
+        let optical = std::array::from_fn(|code| {
+            let depth = (code as f32 / CODES_AN_OCTAVE + LOWEST_OCTAVE).exp2() * cell_size;
+            if code == 0 || depth < THIN { 0.0 } else { depth }
+        });
         Self {
             bricks,
-            cell_size: shortest / (bricks * BRICK) as f32,
-            cells: vec![density; bricks.pow(3) * BRICK_CELLS],
-            largest: vec![density; bricks.pow(3)],
+            cell_size,
+            cells: vec![code(density); bricks.pow(3) * BRICK_CELLS],
+            largest: vec![code(density); bricks.pow(3)],
+            optical,
         }
     }
 
-    /// Shortest edge of a cell, metres.
+    /// Shortest edge of a cell, metres: the step at which rays look at the grid.
     pub fn cell_size(&self) -> f32 {
         self.cell_size
     }
 
     /// All cells, in the order of storage.
-    pub fn cells(&self) -> &[f32] {
+    pub fn cells(&self) -> &[u8] {
         &self.cells
     }
 
     /// Replaces all cells; false if they are not as many.
-    pub fn set_cells(&mut self, cells: Vec<f32>) -> bool {
+    pub fn set_cells(&mut self, cells: &[u8]) -> bool {
         let fits = cells.len() == self.cells.len();
         if fits {
-            self.cells = cells;
+            self.cells.copy_from_slice(cells);
             self.find_largest();
         }
         fits
@@ -59,8 +75,8 @@ impl DensityGrid {
 
     /// Sets all cells to one density.
     pub fn fill(&mut self, density: f32) {
-        self.cells.fill(density);
-        self.largest.fill(density);
+        self.cells.fill(code(density));
+        self.largest.fill(code(density));
     }
 
     /// The cell of a position in the unit cube; positions outside belong to the nearest.
@@ -71,28 +87,148 @@ impl DensityGrid {
         brick * BRICK_CELLS + x % BRICK + BRICK * (y % BRICK + BRICK * (z % BRICK))
     }
 
-    /// Density of a cell, or `None` if all of its brick is thinner than `least`.
-    pub fn at(&self, cell: usize, least: f32) -> Option<f32> {
-        (self.largest[cell / BRICK_CELLS] >= least).then(|| self.cells[cell])
+    /// Optical depth of one step through a cell; 0 where that is too thin to count.
+    pub fn optical_depth(&self, cell: usize) -> f32 {
+        if self.optical[usize::from(self.largest[cell / BRICK_CELLS])] == 0.0 {
+            return 0.0;
+        }
+        self.optical[usize::from(self.cells[cell])]
     }
 
-    /// Raises a cell to a density seen in it.
+    /// Raises a cell to a density (per metre) seen in it.
     pub fn observe(&mut self, cell: usize, density: f32) {
+        let code = code(density);
         let value = &mut self.cells[cell];
-        *value = value.max(density);
+        *value = code.max(*value);
         let largest = &mut self.largest[cell / BRICK_CELLS];
-        *largest = largest.max(density);
+        *largest = code.max(*largest);
     }
 
-    /// Lets all cells forget: multiplies them by `factor`.
-    pub fn decay(&mut self, factor: f32) {
-        self.cells.par_chunks_mut(1 << 16).for_each(|chunk| chunk.iter_mut().for_each(|c| *c *= factor));
+    /// Lets all cells forget: their densities fall by an eighth of an octave (to 92 %).
+    pub fn decay(&mut self) {
+        self.cells.par_chunks_mut(1 << 16).for_each(|chunk| {
+            chunk.iter_mut().for_each(|c| *c = c.saturating_sub(1));
+        });
         self.find_largest();
     }
 
     fn find_largest(&mut self) {
         self.largest.par_iter_mut().zip(self.cells.par_chunks(BRICK_CELLS)).for_each(|(largest, cells)| {
-            *largest = cells.iter().copied().fold(0.0, f32::max);
+            *largest = cells.iter().copied().fold(0, u8::max);
         });
+    }
+}
+
+/// The code of a density (per metre).
+fn code(density: f32) -> u8 {
+    ((density.log2() - LOWEST_OCTAVE) * CODES_AN_OCTAVE).round() as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const BOUNDS: Bounds = Bounds { lo: [-1.0, 0.0, 2.0], hi: [1.0, 0.8, 4.0] };
+
+    fn grid(density: f32) -> DensityGrid {
+        DensityGrid::uniform(&BOUNDS, 16, density)
+    }
+
+    /// Middle of the cell `[x, y, z]` of a grid of 16 cells an axis.
+    fn middle(cell: [usize; 3]) -> [f32; 3] {
+        cell.map(|i| (i as f32 + 0.5) / 16.0)
+    }
+
+    /// Density of a cell, per metre.
+    fn density(grid: &DensityGrid, cell: usize) -> f32 {
+        grid.optical_depth(cell) / grid.cell_size()
+    }
+
+    /// Whether a density is another's, as well as a cell can tell.
+    fn is(density: f32, expected: f32) -> bool {
+        (density / expected).log2().abs() <= 0.51 / CODES_AN_OCTAVE
+    }
+
+    #[test]
+    fn each_place_has_a_cell_of_its_own() {
+        let grid = grid(3.0);
+        let mut seen = vec![false; 16 * 16 * 16];
+        for i in 0..seen.len() {
+            let cell = grid.cell(middle([i % 16, i / 16 % 16, i / 256]));
+            assert!(!std::mem::replace(&mut seen[cell], true));
+            assert!(is(density(&grid, cell), 3.0));
+        }
+        assert_eq!(grid.cells().len(), seen.len());
+        assert_eq!(grid.cell_size(), 0.05);
+    }
+
+    #[test]
+    fn places_outside_belong_to_the_nearest_cell() {
+        let grid = grid(3.0);
+        assert_eq!(grid.cell([-5.0, 0.5, 1.0]), grid.cell(middle([0, 8, 15])));
+        assert_eq!(grid.cell([1.0, f32::INFINITY, -1e30]), grid.cell(middle([15, 15, 0])));
+        assert!(grid.cell([f32::NAN; 3]) < grid.cells().len());
+    }
+
+    #[test]
+    fn densities_of_all_magnitudes_are_kept_and_extremes_are_harmless() {
+        for expected in [0.1, 1.0, 7.3, 500.0, 1e5, 1e7] {
+            let mut grid = grid(0.0);
+            grid.observe(9, expected);
+            assert!(is(density(&grid, 9), expected), "{expected}");
+        }
+        for nothing in [0.0, -1.0, f32::NAN, 1e-30] {
+            let mut grid = grid(nothing);
+            grid.observe(9, nothing);
+            assert_eq!(grid.optical_depth(9), 0.0, "{nothing}");
+        }
+        for opaque in [1e30, f32::INFINITY] {
+            let depth = grid(opaque).optical_depth(9);
+            assert!(depth.is_finite() && depth > 1e5, "{opaque}");
+        }
+    }
+
+    #[test]
+    fn observing_raises_a_cell_and_never_lowers_it() {
+        let mut grid = grid(3.0);
+        let (cell, neighbour) = (grid.cell(middle([3, 4, 5])), grid.cell(middle([4, 4, 5])));
+        grid.observe(cell, 2.0);
+        assert!(is(density(&grid, cell), 3.0));
+        grid.observe(cell, 7.0);
+        assert!(is(density(&grid, cell), 7.0) && is(density(&grid, neighbour), 3.0));
+    }
+
+    #[test]
+    fn cells_forget_until_they_are_empty() {
+        let mut grid = grid(3.0);
+        let cell = grid.cell(middle([3, 4, 5]));
+        grid.observe(cell, 100.0);
+        for _ in 0..8 {
+            grid.decay();
+        }
+        // Eight eighths of an octave.
+        assert!(is(density(&grid, cell), 50.0) && is(density(&grid, 0), 1.5));
+        // The thin cells of a brick do not hide its dense one, and are nothing themselves.
+        grid.fill(1e-3);
+        grid.observe(cell, 100.0);
+        assert!(is(density(&grid, cell), 100.0));
+        assert_eq!(grid.optical_depth(grid.cell(middle([7, 7, 7]))), 0.0);
+        for _ in 0..256 {
+            grid.decay();
+        }
+        assert_eq!(grid.cells(), vec![0; 4096]);
+        assert_eq!(grid.optical_depth(cell), 0.0);
+    }
+
+    #[test]
+    fn cells_return_as_they_were() {
+        let mut grid = grid(3.0);
+        grid.observe(100, 9.0);
+        let mut other = self::grid(0.0);
+        assert!(!other.set_cells(&grid.cells()[1..]));
+        assert_eq!(other.optical_depth(100), 0.0);
+        assert!(other.set_cells(grid.cells()));
+        assert_eq!(other.cells(), grid.cells());
+        assert_eq!(other.optical_depth(100), grid.optical_depth(100));
     }
 }

@@ -24,8 +24,8 @@ use crate::tile::{Regularisers, Workspace};
 
 /// Cells an axis of the density grid.
 const DENSITY_RESOLUTION: usize = 256;
-/// Steps between two decays of the density grid, and the factor.
-const DENSITY_DECAY: (u64, f32) = (16, 0.95);
+/// Steps between two decays of the density grid.
+const DENSITY_DECAY: u64 = 32;
 /// Columns that a tile aims at: few enough for its activations to stay in the second-level cache, enough to fill
 /// the registers.
 const TILE_COLUMNS: usize = 192;
@@ -206,9 +206,8 @@ impl CpuEngine {
 
     /// Shows the density grid the densities just computed, and lets it forget a little.
     fn observe(&mut self, rays: &Rays, step: u64) {
-        let (every, factor) = DENSITY_DECAY;
-        if step % every == every - 1 {
-            self.density.decay(factor);
+        if step % DENSITY_DECAY == DENSITY_DECAY - 1 {
+            self.density.decay();
         }
         let (columns, batch) = (self.batch.columns, &self.batch);
         for tile in 0..batch.tiles(rays) {
@@ -306,6 +305,18 @@ impl Engine for CpuEngine {
         }
     }
 
+    fn guide(&self) -> Vec<u8> {
+        self.density.cells().to_vec()
+    }
+
+    fn set_guide(&mut self, guide: &[u8]) -> Result<(), EngineError> {
+        if self.density.set_cells(guide) {
+            Ok(())
+        } else {
+            Err(EngineError::Shape(format!("the density grid has {} cells", guide.len())))
+        }
+    }
+
     fn render(
         &self,
         rays: &Rays,
@@ -349,7 +360,7 @@ impl Engine for CpuEngine {
             state.insert(format!("adam.{name}.v"), StateTensor::F32(moments.v.clone()));
             state.insert(format!("adam.{name}.updates"), StateTensor::U32(vec![moments.updates]));
         }
-        state.insert("density".into(), StateTensor::F32(self.density.cells().to_vec()));
+        state.insert("density".into(), StateTensor::U8(self.density.cells().to_vec()));
         Ok(state)
     }
 
@@ -358,6 +369,9 @@ impl Engine for CpuEngine {
             return Err(EngineError::Shape("the checkpoint holds another field than this run's".into()));
         }
         let mut fresh = Self::new(parameters, self.config)?;
+        let missing = |name: &str| {
+            EngineError::Shape(format!("the checkpoint lacks `{name}`, or holds it in another shape"))
+        };
         let f32s = |name: &str, len: usize| match state.get(name) {
             Some(StateTensor::F32(v)) if v.len() == len => Ok(v.clone()),
             _ => Err(EngineError::Shape(format!(
@@ -381,7 +395,10 @@ impl Engine for CpuEngine {
             moments.v = f32s(&format!("adam.{name}.v"), moments.v.len())?;
             moments.updates = u32s(&format!("adam.{name}.updates"), 1)?[0];
         }
-        fresh.density.set_cells(f32s("density", fresh.density.cells().len())?);
+        match state.get("density") {
+            Some(StateTensor::U8(cells)) => fresh.set_guide(cells)?,
+            _ => return Err(missing("density")),
+        }
         *self = fresh;
         Ok(())
     }

@@ -159,6 +159,21 @@ pub trait Engine: Send {
         let _ = points;
     }
 
+    /// What the engine has learnt of where to place samples, to be kept beside the weights: without it pictures are
+    /// drawn from the weights alone, and worse. Empty for engines that need none.
+    fn guide(&self) -> Vec<u8> {
+        Vec::new()
+    }
+
+    /// Takes back what [`Engine::guide`] gave.
+    ///
+    /// # Errors
+    /// [`EngineError::Shape`] if it is not of this engine and field.
+    fn set_guide(&mut self, guide: &[u8]) -> Result<(), EngineError> {
+        let _ = guide;
+        Ok(())
+    }
+
     /// Draws rays under one light.
     ///
     /// # Errors
