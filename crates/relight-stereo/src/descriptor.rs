@@ -33,6 +33,13 @@ impl View {
         let [fx, fy, cx, cy] = self.pinhole;
         [fx * p[0] / p[2] + cx, fy * p[1] / p[2] + cy]
     }
+
+    /// Index of the pixel that a place of the picture belongs to; `None` outside.
+    pub fn pixel(&self, place: [f64; 2]) -> Option<usize> {
+        let [x, y] = place.map(f64::round);
+        let inside = x >= 0.0 && y >= 0.0 && x < self.width as f64 && y < self.height as f64;
+        inside.then(|| y as usize * self.width + x as usize)
+    }
 }
 
 /// Lights that every view was photographed under, at most [`LIGHTS`] of them, far from each other.
@@ -59,7 +66,7 @@ pub fn common_lights(scene: &Scene, store: &PixelStore) -> Vec<u32> {
 pub fn describe(scene: &Scene, store: &PixelStore, view: usize, lights: &[u32], scale: usize) -> View {
     let camera = &scene.cameras[store.camera(view)];
     let full = &camera.intrinsics;
-    let (width, height) = (full.width as usize / scale, full.height as usize / scale);
+    let [width, height] = [full.width, full.height].map(|n| (n as usize / scale).max(1));
     let small = full.resized(width as u32, height as u32);
     let ideal = Intrinsics { distortion: Vec::new(), ..small };
     let slots: Vec<usize> =
@@ -121,4 +128,30 @@ fn average(
     descriptor[LIGHTS] = (128 + r - g).clamp(0, 255) as u8;
     descriptor[LIGHTS + 1] = (128 + b - g).clamp(0, 255) as u8;
     descriptor
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_and_directions_belong_together() {
+        let view = View {
+            width: 9,
+            height: 7,
+            pinhole: [10.0, 12.0, 4.0, 3.5],
+            pose: Pose::look_at([1.0, 2.0, 3.0], [0.0; 3]),
+            pixels: Vec::new(),
+        };
+        for (x, y) in [(0.0, 0.0), (8.0, 6.0), (3.3, 5.7)] {
+            let [u, v] = view.project(view.direction(x, y).map(|d| 2.5 * d));
+            assert!((u - x).abs() < 1e-12 && (v - y).abs() < 1e-12);
+        }
+        assert_eq!(view.pixel([0.0, 0.0]), Some(0));
+        assert_eq!(view.pixel([8.49, 6.4]), Some(62));
+        assert_eq!(view.pixel([-0.4, 0.6]), Some(9));
+        for outside in [[-0.6, 0.0], [8.6, 0.0], [0.0, -0.6], [0.0, 6.6], [f64::NAN, 0.0]] {
+            assert_eq!(view.pixel(outside), None);
+        }
+    }
 }

@@ -33,7 +33,7 @@ pub struct DepthPrior {
     pub points: Vec<[f32; 3]>,
 }
 
-/// Depths of one view.
+/// Depths of one view, laid out like its photographs: lens distortion and all.
 struct DepthMap {
     width: usize,
     height: usize,
@@ -45,9 +45,14 @@ struct DepthMap {
 
 /// Fewest lights that make a descriptor worth matching.
 const LEAST_LIGHTS: usize = 3;
+/// Fewest planes among which one can stand out.
+const LEAST_PLANES: usize = 3;
+/// Share of pixels below which known depths are likelier chance than surfaces, and no box is made of them.
+const LEAST_COVERAGE: f64 = 0.01;
 
 impl DepthPrior {
-    /// Looks for depths in the box. `None` if the views share too few lights, or are too few, to be matched.
+    /// Looks for depths in the box. `None` if the views share too few lights, or are too few, to be matched, or if
+    /// the settings leave nothing to match.
     pub fn estimate(
         scene: &Scene,
         store: &PixelStore,
@@ -55,7 +60,7 @@ impl DepthPrior {
         settings: &StereoSettings,
     ) -> Option<Self> {
         let n = store.views();
-        if n < 3 {
+        if n < 3 || settings.width == 0 || settings.neighbours == 0 || settings.planes < LEAST_PLANES {
             return None;
         }
         let lights = common_lights(scene, store);
@@ -92,16 +97,20 @@ impl DepthPrior {
             .map(|(v, (view, points))| {
                 let eye = view.pose.position();
                 let full = &scene.cameras[store.camera(v)].intrinsics;
-                let distance = |p: &Option<[f64; 3]>| {
-                    p.map_or(f32::NAN, |p| {
-                        p.iter().zip(eye).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt() as f32
-                    })
+                let lens = full.resized(view.width as u32, view.height as u32);
+                let distance = |p: [f64; 3]| {
+                    p.iter().zip(eye).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt() as f32
+                };
+                // The view is without distortion, the map has it.
+                let known = |pixel: usize| {
+                    let seen = lens.unproject((pixel % view.width) as f64, (pixel / view.width) as f64);
+                    points[view.pixel(view.project(seen))?].map(distance)
                 };
                 DepthMap {
                     width: view.width,
                     height: view.height,
                     ratio: [full.width as f32 / view.width as f32, full.height as f32 / view.height as f32],
-                    distances: points.iter().map(distance).collect(),
+                    distances: (0..points.len()).map(|pixel| known(pixel).unwrap_or(f32::NAN)).collect(),
                 }
             })
             .collect();
@@ -123,10 +132,10 @@ impl DepthPrior {
         self.points.len() as f64 / all.max(1) as f64
     }
 
-    /// The smallest cube around the points, without the outermost 0.2 % on each side, widened by a tenth; `None`
-    /// without points.
+    /// The smallest cube around the points, without the outermost 0.2 % on each side, widened by a tenth; `None` if
+    /// hardly any depth is known.
     pub fn bounds(&self) -> Option<Bounds> {
-        if self.points.is_empty() {
+        if self.coverage() < LEAST_COVERAGE {
             return None;
         }
         let range = |axis: usize| {

@@ -132,3 +132,60 @@ fn select(volume: &[u16], size: usize, p: usize, planes: &[f64]) -> f32 {
     let (inverse, step) = (1.0 / planes[best], 1.0 / planes[1] - 1.0 / planes[0]);
     (1.0 / (inverse + f64::from(shift) * step)) as f32
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn planes_are_even_in_inverse_depth() {
+        let planes = planes(0.5, 2.0, 4);
+        let expected = [0.5, 1.0 / 1.5, 1.0, 2.0];
+        assert!(planes.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{planes:?}");
+    }
+
+    #[test]
+    fn the_filter_takes_means_of_windows_cut_at_the_borders() {
+        for (width, height) in [(1, 1), (2, 1), (1, 6), (3, 2), (5, 5), (9, 7)] {
+            let before: Vec<u16> = (0..width * height).map(|i| (i * 7919 % 4000) as u16).collect();
+            let mut after = before.clone();
+            box_filter(&mut after, width, height, &mut vec![0; width * height]);
+            for (p, &mean) in after.iter().enumerate() {
+                let near = |q: &usize| {
+                    (q % width).abs_diff(p % width) <= WINDOW && (q / width).abs_diff(p / width) <= WINDOW
+                };
+                let window: Vec<usize> = (0..before.len()).filter(near).collect();
+                let sum: usize = window.iter().map(|&q| usize::from(before[q])).sum();
+                assert_eq!(usize::from(mean), sum / window.len(), "{width}x{height}, {p}");
+            }
+        }
+    }
+
+    /// Depth chosen for costs that are one pixel's.
+    fn chosen(costs: &[u16]) -> f32 {
+        select(costs, 1, 0, &planes(1.0, 2.0, costs.len()))
+    }
+
+    #[test]
+    fn depths_lie_between_planes_where_costs_say_so() {
+        // A parabola with its lowest point a quarter of a plane beyond the fifth.
+        let costs: Vec<u16> = (0..11).map(|i| (100.0 * (f64::from(i) - 5.25).powi(2)) as u16 + 10).collect();
+        let inverse = 1.0 - 5.25 / 10.0 * 0.5;
+        assert!((chosen(&costs) - 1.0 / inverse).abs() < 1e-3, "{}", chosen(&costs));
+    }
+
+    #[test]
+    fn depths_must_stand_out() {
+        let valley = |depths: &[(usize, u16)]| {
+            let mut costs = [400u16; 11];
+            depths.iter().for_each(|&(at, cost)| costs[at] = cost);
+            chosen(&costs)
+        };
+        assert!(valley(&[(5, 100)]).is_finite());
+        assert!(valley(&[]).is_nan(), "all the same");
+        assert!(valley(&[(5, 100), (8, 110)]).is_nan(), "two of a kind");
+        assert!(valley(&[(5, 100), (6, 110)]).is_finite(), "a broad one");
+        assert!(valley(&[(0, 100)]).is_nan() && valley(&[(10, 100)]).is_nan(), "at the ends");
+        assert!(chosen(&[]).is_nan() && chosen(&[5]).is_nan());
+    }
+}
