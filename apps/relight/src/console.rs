@@ -126,3 +126,27 @@ pub fn cancel_flag() -> anyhow::Result<&'static AtomicBool> {
 pub fn unless(cancel: &AtomicBool) -> ControlFlow<()> {
     if cancel.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
 }
+
+/// An error with its causes, those left out that the message before them repeats.
+pub fn told_once(error: &anyhow::Error) -> String {
+    let mut told = String::new();
+    for cause in error.chain().map(ToString::to_string) {
+        if told.is_empty() {
+            told = cause;
+        } else if !told.contains(&cause) {
+            told = format!("{told}: {cause}");
+        }
+    }
+    told
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cause_is_told_once() {
+        let error = anyhow::anyhow!("no space").context("a.png: no space").context("scene");
+        assert_eq!(told_once(&error), "scene: a.png: no space");
+    }
+}

@@ -7,6 +7,7 @@ use relight_field::engine::Engine;
 use relight_field::parameters::Parameters;
 use relight_field::sampling::EngineConfig;
 use relight_field::weights_file;
+use relight_train::guide_file;
 use relight_train::run::{RunConfig, RunFolder};
 
 /// Where a field is trained and drawn.
@@ -46,5 +47,10 @@ pub fn of_run(run: &RunFolder, config: &RunConfig) -> anyhow::Result<Box<dyn Eng
         );
     }
     let parameters = weights_file::load(&path)?;
-    create(Device::Auto, &parameters, config.engine()).with_context(|| path.display().to_string())
+    let mut engine =
+        create(Device::Auto, &parameters, config.engine()).with_context(|| path.display().to_string())?;
+    if let Some(guide) = guide_file::load(&run.guide())? {
+        engine.set_guide(&guide).with_context(|| run.guide().display().to_string())?;
+    }
+    Ok(engine)
 }

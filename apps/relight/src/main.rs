@@ -26,17 +26,17 @@ use commands::{compare, demo, eval, export, query, render, scene, train};
                   relight eval RUN --split easy                 score\n  \
                   relight render RUN --path orbit --out a.mp4   look\n\n\
                   Results go to standard output, progress to standard error. The exit status is 0 if all that was asked \
-                  was done,\n1 after a failure, 2 after bad arguments."
+                  was done, 1 after a failure, 2 after bad arguments."
 )]
 struct Cli {
     /// Say more: -v what is decided, -vv every detail.
-    #[arg(short, long, action = clap::ArgAction::Count, global = true)]
+    #[arg(short, long, action = clap::ArgAction::Count, global = true, display_order = 900)]
     verbose: u8,
     /// Say nothing but errors and results.
-    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    #[arg(short, long, global = true, conflicts_with = "verbose", display_order = 900)]
     quiet: bool,
     /// Threads to work with; all cores without it. Results do not depend on it.
-    #[arg(long, value_name = "N", global = true)]
+    #[arg(long, value_name = "N", global = true, display_order = 900)]
     threads: Option<std::num::NonZeroUsize>,
     #[command(subcommand)]
     command: Command,
@@ -60,8 +60,7 @@ fn main() -> ExitCode {
     match run(cli) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            // Each error is printed once, with its causes.
-            eprintln!("error: {error:#}");
+            eprintln!("error: {}", console::told_once(&error));
             ExitCode::FAILURE
         }
     }

@@ -2,16 +2,21 @@
 
 use std::path::Path;
 use std::sync::atomic::Ordering;
+use std::time::Instant;
 
 use anyhow::ensure;
 use relight_field::parameters::Parameters;
-use relight_scene::{Bounds, PixelStore, Scene, Splits, scene_bounds};
-use relight_train::batch::DepthPrior;
+use relight_scene::{Bounds, PixelStore, Scene, Splits};
+use relight_stereo::{DepthPrior, StereoSettings};
+use relight_train::recipe::Recipe;
 use relight_train::run::{RunConfig, RunFolder, splits_fingerprint};
 use relight_train::trainer::{Ending, Event, Outcome, Trainer, TrainingData};
 
 use crate::console::{Progress, cancel_flag, print_json};
 use crate::engines::{self, Device};
+
+/// Share of the pixels whose depth stereo must know before its surfaces decide the box.
+const TRUSTED: f64 = 0.1;
 
 /// A scene that is ready to be trained on.
 pub struct Prepared {
@@ -19,6 +24,8 @@ pub struct Prepared {
     pub splits: Splits,
     pub pixels: PixelStore,
     depths: Option<DepthPrior>,
+    /// Seconds that finding the depths took.
+    seconds: f64,
 }
 
 impl Prepared {
@@ -31,12 +38,30 @@ impl Prepared {
             bar.update(done as u64, all as u64, || format!("{done} of {all} images"));
         })?;
         bar.finish(&format!("{}: {} training images", scene.name, splits.train.len()));
-        Ok(Self { scene, splits, pixels, depths: None })
+        Ok(Self { scene, splits, pixels, depths: None, seconds: 0.0 })
     }
 
-    /// The world box to train in.
-    pub fn bounds(&self) -> Bounds {
-        scene_bounds(&self.scene)
+    /// Looks for surfaces in the box `search` by stereo, where the recipe wants it.
+    pub fn find_surfaces(&mut self, recipe: &Recipe, search: &Bounds) {
+        if recipe.stereo {
+            let started = Instant::now();
+            let settings = StereoSettings::default();
+            self.depths = DepthPrior::estimate(&self.scene, &self.pixels, search, &settings);
+            self.seconds = started.elapsed().as_secs_f64();
+            match &self.depths {
+                Some(prior) => tracing::info!(
+                    "stereo found depths for {:.0} % of the pixels in {:.1} s",
+                    100.0 * prior.coverage(),
+                    self.seconds
+                ),
+                None => tracing::info!("too few views and lights for stereo"),
+            }
+        }
+    }
+
+    /// The box of the surfaces that were found, if enough were.
+    pub fn surface_bounds(&self) -> Option<Bounds> {
+        self.depths.as_ref().filter(|prior| prior.coverage() >= TRUSTED).and_then(DepthPrior::bounds)
     }
 
     /// Checks that the scene's splits are those that a run was trained with.
@@ -72,6 +97,7 @@ pub fn train(
         splits: &data.splits,
         pixels: &data.pixels,
         depths: data.depths.as_ref(),
+        seconds: data.seconds,
     };
     let mut trainer = Trainer::new(run, config, training, engine)?;
     let cancel = cancel_flag()?;

@@ -1,5 +1,8 @@
 //! Training as a user meets it: it learns, and it survives being stopped.
 
+// Helpers outside of test functions.
+#![allow(clippy::unwrap_used)]
+
 mod common;
 
 use common::{TINY, Workshop, metrics};

@@ -8,23 +8,18 @@ use rayon::prelude::*;
 use relight_field::engine::{LightPose, RayBatch};
 use relight_field::random::Random;
 use relight_scene::{Intrinsics, PixelStore, Pose, Scene};
+use relight_stereo::DepthPrior;
 
 use crate::TrainError;
 
 /// Streams of the seed below this number are left to the engine.
 const FIRST_STREAM: u64 = 1 << 62;
 
-/// What stereo expects of the training pixels.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct DepthPrior {
-    /// `[views][pixels]`, in the order of the pixel store: distance from the camera along the pixel's ray to the
-    /// first surface, metres; NaN where nothing is known.
-    pub views: Vec<Vec<f32>>,
-}
-
 /// Where one training view's rays come from.
 struct View {
     pose: Pose,
+    /// Pixels a row.
+    width: usize,
     origin: [f32; 3],
     /// Index into `BatchSampler::directions`.
     directions: usize,
@@ -48,9 +43,10 @@ pub struct BatchSampler<'a> {
 
 impl<'a> BatchSampler<'a> {
     /// A sampler of `rays` rays a step, each with `lights_per_ray` lights, or with as many as the poorest view has.
+    /// `depths` are those of the views of `store`.
     ///
     /// # Errors
-    /// [`TrainError::Data`] if there is nothing to draw from, or if the depths are not of the store's shape.
+    /// [`TrainError::Data`] if there is nothing to draw from.
     pub fn new(
         scene: &Scene,
         store: &'a PixelStore,
@@ -70,18 +66,17 @@ impl<'a> BatchSampler<'a> {
             });
             pairs += store.pixels(v) as u64 * store.lights(v).len() as u64;
             let origin = camera.pose.position().map(|c| c as f32);
-            views.push(View { pose: camera.pose, origin, directions, pairs_before_next: pairs });
+            views.push(View {
+                pose: camera.pose,
+                width: camera.intrinsics.width.max(1) as usize,
+                origin,
+                directions,
+                pairs_before_next: pairs,
+            });
         }
         let fewest = (0..store.views()).map(|v| store.lights(v).len()).min().unwrap_or(0);
         if pairs == 0 || fewest == 0 {
             return Err(TrainError::Data(format!("{}: no training images", scene.root.display())));
-        }
-        if let Some(prior) = depths {
-            let fits = prior.views.len() == store.views()
-                && prior.views.iter().enumerate().all(|(v, d)| d.len() == store.pixels(v));
-            if !fits {
-                return Err(TrainError::Data("expected depths do not match the training views".into()));
-            }
         }
         Ok(Self {
             store,
@@ -142,7 +137,8 @@ impl<'a> BatchSampler<'a> {
         if let Some(prior) = self.depths {
             batch.depths.par_iter_mut().with_min_len(64).enumerate().for_each(|(ray, depth)| {
                 let (v, pixel) = self.pixel(random, ray as u64 * draws);
-                *depth = prior.views[v][pixel];
+                let width = self.views[v].width;
+                *depth = prior.distance(v, pixel % width, pixel / width);
             });
         }
     }

@@ -15,6 +15,8 @@ pub struct Recipe {
     pub rays_per_step: usize,
     /// Lights that each ray is compared under; fewer where a training view has fewer.
     pub lights_per_ray: usize,
+    /// Whether stereo on the training images tells, before the first step, where surfaces are expected.
+    pub stereo: bool,
     /// Density at logit zero, per metre.
     pub density_scale: f64,
     /// Distance from an expected depth within which ray weight goes unpunished, metres.
@@ -55,6 +57,7 @@ impl Recipe {
         Self {
             rays_per_step: 4096,
             lights_per_ray: 1,
+            stereo: false,
             density_scale: 1.0,
             depth_margin: 0.0,
             horizon: 150_000,
@@ -78,6 +81,7 @@ impl Recipe {
         Self {
             rays_per_step: 1024,
             lights_per_ray: 8,
+            stereo: true,
             depth_margin: 0.01,
             horizon: 30_000,
             epoch: Some(1000),

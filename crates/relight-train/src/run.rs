@@ -3,6 +3,7 @@
 //! ```text
 //! RUN/config.toml                      all that is needed to repeat the run
 //!     weights.safetensors              the best weights so far, by validation
+//!     guide.safetensors                where the engine had learnt to place samples, beside those weights
 //!     checkpoint/latest.safetensors    what is needed to continue
 //!     metrics.jsonl                    one line a report
 //!     previews/                        a validation picture now and then: ground truth | rendering
@@ -51,6 +52,8 @@ pub struct RunConfig {
     pub budget: Budget,
     /// World box of the field, metres.
     pub bounds: Bounds,
+    /// World box in which stereo looks for surfaces, metres.
+    pub search: Bounds,
     /// How to train.
     pub recipe: Recipe,
 }
@@ -188,6 +191,11 @@ impl RunFolder {
     /// The best weights so far.
     pub fn weights(&self) -> PathBuf {
         self.root.join("weights.safetensors")
+    }
+
+    /// Where to place samples, beside the best weights.
+    pub fn guide(&self) -> PathBuf {
+        self.root.join("guide.safetensors")
     }
 
     /// The checkpoint.

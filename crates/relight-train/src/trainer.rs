@@ -5,12 +5,15 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use relight_field::engine::{Engine, EngineError, RayBatch, StepSettings, StepStats};
+use relight_field::parameters::Parameters;
 use relight_field::weights_file;
 use relight_scene::{PixelStore, Scene, Splits};
+use relight_stereo::DepthPrior;
 
 use crate::TrainError;
-use crate::batch::{BatchSampler, DepthPrior};
+use crate::batch::BatchSampler;
 use crate::checkpoint::{Best, Checkpoint, Standing};
+use crate::guide_file;
 use crate::metrics_log::{MetricsLog, Report};
 use crate::run::{RunConfig, RunFolder};
 use crate::schedule::Budget;
@@ -81,8 +84,10 @@ pub struct TrainingData<'a> {
     pub splits: &'a Splits,
     /// The pixels of the training split.
     pub pixels: &'a PixelStore,
-    /// Depths expected of them.
+    /// Where surfaces are expected.
     pub depths: Option<&'a DepthPrior>,
+    /// Seconds that finding them took: they count as training.
+    pub seconds: f64,
 }
 
 /// A training under way.
@@ -130,7 +135,12 @@ impl<'a> Trainer<'a> {
                 engine.restore(&checkpoint.parameters, &checkpoint.engine)?;
                 checkpoint.standing
             }
-            None => Standing::default(),
+            None => {
+                if let Some(prior) = data.depths {
+                    engine.expect_surfaces(&prior.points);
+                }
+                Standing { seconds: data.seconds, ..Standing::default() }
+            }
         };
         fs::create_dir_all(run.previews()).map_err(TrainError::io(&run.previews()))?;
         Ok(Self {
@@ -247,7 +257,7 @@ impl<'a> Trainer<'a> {
         score.preview.write_png(&self.run.preview(step))?;
         let best = self.standing.best.map_or(f64::NEG_INFINITY, |b| b.psnr);
         if score.psnr > best {
-            weights_file::save(&self.engine.parameters()?, &self.run.weights())?;
+            self.keep(&self.engine.parameters()?)?;
             self.standing.best = Some(Best { step, psnr: score.psnr });
         }
         let improved = score.psnr > best + self.config.recipe.improvement;
@@ -287,11 +297,17 @@ impl<'a> Trainer<'a> {
         Ok(report)
     }
 
+    /// Keeps weights to draw with. A guide of later weights, after a kill between the two files, still serves.
+    fn keep(&self, parameters: &Parameters) -> Result<(), TrainError> {
+        guide_file::save(&self.engine.guide(), &self.run.guide())?;
+        Ok(weights_file::save(parameters, &self.run.weights())?)
+    }
+
     /// Writes a checkpoint, and the present weights where no validation has chosen any yet.
     fn save(&mut self, observer: &mut dyn Observer) -> Result<(), TrainError> {
         let parameters = self.engine.parameters()?;
         if self.standing.best.is_none() {
-            weights_file::save(&parameters, &self.run.weights())?;
+            self.keep(&parameters)?;
         }
         let checkpoint = Checkpoint { parameters, engine: self.engine.state()?, standing: self.standing };
         checkpoint.save(&self.run.checkpoint())?;

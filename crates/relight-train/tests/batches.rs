@@ -5,21 +5,22 @@ mod common;
 use std::collections::HashMap;
 
 use relight_field::engine::RayBatch;
-use relight_train::batch::{BatchSampler, DepthPrior};
+use relight_scene::scene_bounds;
+use relight_stereo::{DepthPrior, StereoSettings};
+use relight_train::batch::BatchSampler;
 
 #[test]
 fn each_pair_is_the_pixel_that_its_ray_goes_through() {
     let folder = tempfile::tempdir().unwrap();
     let data = common::tiny_scene(folder.path());
-    let depths = DepthPrior {
-        views: (0..data.pixels.views())
-            .map(|v| (0..data.pixels.pixels(v)).map(|p| (1000 * v + p) as f32).collect())
-            .collect(),
-    };
+    let bounds = scene_bounds(&data.scene);
+    let settings = StereoSettings { confirmations: 0, ..StereoSettings::default() };
+    let depths = DepthPrior::estimate(&data.scene, &data.pixels, &bounds, &settings).unwrap();
     let sampler = BatchSampler::new(&data.scene, &data.pixels, Some(&depths), 200, 3, 1).unwrap();
     let mut batch = RayBatch::default();
     sampler.fill(5, &mut batch);
     assert_eq!((batch.rays.origins.len(), batch.colours.len(), batch.lights_per_ray), (200, 600, 3));
+    let mut known = 0;
     for ray in 0..200 {
         let origin = batch.rays.origins[ray];
         let view = (0..data.pixels.views())
@@ -35,7 +36,9 @@ fn each_pair_is_the_pixel_that_its_ray_goes_through() {
         let [u, v] = camera.intrinsics.project(camera.pose.inverse_transform(point)).unwrap();
         assert!((u - u.round()).abs() < 1e-3 && (v - v.round()).abs() < 1e-3, "({u}, {v})");
         let pixel = v.round() as usize * 24 + u.round() as usize;
-        assert_eq!(batch.depths[ray], (1000 * view + pixel) as f32);
+        let depth = depths.distance(view, pixel % 24, pixel / 24);
+        assert_eq!(batch.depths[ray].to_bits(), depth.to_bits(), "also where nothing is known");
+        known += usize::from(depth.is_finite());
         for pair in 3 * ray..3 * ray + 3 {
             let light = batch.light_index[pair] as usize;
             let frame = data.scene.frame(data.pixels.camera(view), light).unwrap();
@@ -45,6 +48,7 @@ fn each_pair_is_the_pixel_that_its_ray_goes_through() {
             assert_eq!(image.data[3 * pixel..3 * pixel + 3], colour);
         }
     }
+    assert!(known > 0);
 }
 
 #[test]
@@ -92,6 +96,4 @@ fn a_ray_carries_no_more_lights_than_the_poorest_view_has() {
     let fewest = (0..data.pixels.views()).map(|v| data.pixels.lights(v).len()).min().unwrap();
     let sampler = BatchSampler::new(&data.scene, &data.pixels, None, 10, 100, 0).unwrap();
     assert_eq!(sampler.lights_per_ray(), fewest);
-    let prior = DepthPrior { views: vec![vec![1.0; 3]] };
-    assert!(BatchSampler::new(&data.scene, &data.pixels, Some(&prior), 10, 1, 0).is_err());
 }

@@ -25,8 +25,13 @@ fn train(
     stop: u64,
     events: &mut Vec<String>,
 ) -> Result<Outcome, TrainError> {
-    let training =
-        TrainingData { scene: &data.scene, splits: &data.splits, pixels: &data.pixels, depths: None };
+    let training = TrainingData {
+        scene: &data.scene,
+        splits: &data.splits,
+        pixels: &data.pixels,
+        depths: None,
+        seconds: 0.0,
+    };
     let mut trainer = Trainer::new(run, config, training, Box::new(engine))?;
     let cancel = AtomicBool::new(false);
     trainer.train(

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail, ensure};
 use relight_field::engine::{Engine, Outputs, RenderSettings};
 use relight_render::{Film, Map, focus, paths, render};
-use relight_scene::{Image, PixelStore, Scene, Split};
+use relight_scene::{Image, PixelStore, Scene, Split, scene_bounds};
 use relight_train::Report;
 use relight_train::baselines::{NearestLight, mean_image};
 use relight_train::demo_scene::DemoScene;
@@ -28,7 +28,7 @@ const SCENE: DemoScene = DemoScene { views: 40, lights: 12, width: 96, height: 7
 /// Frames of the film, and how many of them a second.
 const FRAMES: usize = 72;
 const FRAME_RATE: NonZeroU32 = NonZeroU32::new(24).unwrap();
-/// Size of the film over that of the photographs.
+/// Size of the film and the overview over that of the photographs.
 const ENLARGED: u32 = 2;
 /// Held-out images shown on the page.
 const SHOWN: usize = 3;
@@ -58,7 +58,9 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     );
     let folder = out.join("scene");
     SCENE.write(&folder)?;
-    let data = Prepared::load(&folder, quiet)?;
+    let mut data = Prepared::load(&folder, quiet)?;
+    let (recipe, search) = (Recipe::fast(), scene_bounds(&data.scene));
+    data.find_surfaces(&recipe, &search);
     let config = RunConfig {
         format: FORMAT.to_owned(),
         scene: data.scene.root.canonicalize()?,
@@ -68,8 +70,9 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         seed: 0,
         splits: splits_fingerprint(&data.scene, &data.splits),
         budget: Budget { steps: None, minutes: Some(args.minutes) },
-        bounds: data.bounds(),
-        recipe: Recipe::fast(),
+        bounds: data.surface_bounds().unwrap_or(search),
+        search,
+        recipe,
     };
     let run = RunFolder::create(&out.join("run"), &config)?;
     let outcome = train(&run, &config, &data, Device::Auto, false, quiet)?;
@@ -105,6 +108,7 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         metrics: &run.metrics(),
         training: format!("{} steps in {:.0} s", outcome.standing.step, outcome.standing.seconds),
     })?;
+    overview(&data.scene, &shown)?.write_png(&out.join("overview.png"))?;
     let path = out.join("index.html");
     fs::write(&path, page).with_context(|| path.display().to_string())?;
     for row in table(&scores) {
@@ -250,6 +254,24 @@ fn maps(told: &Told<'_>, frame: usize) -> anyhow::Result<Vec<(Vec<u8>, String)>>
             Ok((png(told, &map.to_string(), &image)?, caption.to_owned()))
         })
         .collect()
+}
+
+/// Photographs above, renderings below, enlarged so that their pixels show.
+fn overview(scene: &Scene, shown: &[(usize, Image)]) -> anyhow::Result<Image> {
+    let photographs: Vec<Image> =
+        shown.iter().map(|(frame, _)| scene.read_frame(*frame)).collect::<Result<_, _>>()?;
+    let zoom = ENLARGED as usize;
+    let mut data = Vec::new();
+    for row in [photographs.iter().collect::<Vec<_>>(), shown.iter().map(|(_, drawn)| drawn).collect()] {
+        for v in 0..SCENE.height as usize * zoom {
+            for image in &row {
+                let line = image.data.chunks(3 * image.width as usize).nth(v / zoom).unwrap_or_default();
+                data.extend(line.chunks(3).flat_map(|pixel| pixel.repeat(zoom)));
+            }
+        }
+    }
+    let width = SCENE.width * ENLARGED * shown.len() as u32;
+    Ok(Image { width, height: 2 * SCENE.height * ENLARGED, data })
 }
 
 /// Writes a picture beside the page and hands its bytes to the page.

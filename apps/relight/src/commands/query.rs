@@ -17,12 +17,13 @@ const MAX_POINTS: usize = 10_000_000;
 
 /// Evaluate the field at points of the world.
 ///
-/// Reads {"points":[[x,y,z],…],"directions":[[x,y,z],…],"light":[16 numbers]}: metres, world frame; directions point
-/// from the camera into the scene and are made unit vectors; the light is its 4x4 light-to-world matrix, row by row.
-/// Writes {"density":[…],"rgb":[[r,g,b],…],"visibility":[…] or null}: density per metre, rgb the radiance with
-/// visibility included, in 0..1.
+/// Density is per metre and zero outside the box; rgb is the radiance with visibility included, in 0..1.
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  relight query RUN points.json --json > values.json")]
+#[command(after_help = "Example:\n  relight query RUN points.json --json > values.json\n\n\
+                  Reads {\"points\":[[x,y,z],…],\"directions\":[[x,y,z],…],\"light\":[16 numbers]}: metres, world \
+                  frame. Directions point from the camera into the scene and are made unit vectors; the light is its \
+                  4x4 light-to-world matrix, row by row.\n\
+                  Writes {\"density\":[…],\"rgb\":[[r,g,b],…],\"visibility\":[…] or null}.")]
 pub struct Args {
     /// Folder of a trained run.
     run: PathBuf,

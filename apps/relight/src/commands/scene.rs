@@ -47,7 +47,7 @@ struct Check {
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  relight scene sheet SCENE --out sheet.png\n\n\
                   Beside the photographs, the poses from aslant and from above: training cameras blue, validation \
-                  green, test red;\ntraining lights yellow, test lights orange; the box that would be trained grey.")]
+                  green, test red; training lights yellow, test lights orange; the box that would be trained grey.")]
 struct Sheet {
     /// Folder of the scene.
     scene: PathBuf,

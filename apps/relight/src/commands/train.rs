@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use anyhow::{Context, bail, ensure};
 use clap::ValueEnum;
 use relight_field::architecture::VARIANTS;
-use relight_scene::Bounds;
+use relight_scene::{Bounds, scene_bounds};
 use relight_train::recipe::Recipe;
 use relight_train::run::{FORMAT, RunConfig, RunFolder, splits_fingerprint};
 use relight_train::schedule::Budget;
@@ -25,7 +25,7 @@ use crate::session::{Prepared, train};
                   relight train SCENE --out RUN --resume           go on where it was stopped\n  \
                   relight train SCENE --out RUN --preset paper     the published recipe, slow\n\n\
                   Without --steps and --minutes it trains until validation stops improving. A run with --steps and one \
-                  seed gives\nthe same numbers each time on one machine; with --minutes the machine's speed decides.")]
+                  seed gives the same numbers each time on one machine; with --minutes the machine's speed decides.")]
 pub struct Args {
     /// Folder of the scene.
     scene: PathBuf,
@@ -44,7 +44,7 @@ pub struct Args {
     /// Steps to train for.
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     steps: Option<u64>,
-    /// Minutes to train for, loading of the images not counted.
+    /// Minutes to train for, stereo and validation included, loading of the images not.
     #[arg(long, value_parser = positive)]
     minutes: Option<f64>,
     /// Where to train.
@@ -96,10 +96,16 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         args.out.display()
     );
     let recipe = if resumed { None } else { Some(recipe(args)?) };
-    let data = Prepared::load(&args.scene, quiet)?;
+    let mut data = Prepared::load(&args.scene, quiet)?;
     let (run, config) = match recipe {
-        None => continued(args, &data)?,
+        None => {
+            let (run, config) = continued(args, &data)?;
+            data.find_surfaces(&config.recipe, &config.search);
+            (run, config)
+        }
         Some(recipe) => {
+            let search = args.bounds.unwrap_or_else(|| scene_bounds(&data.scene));
+            data.find_surfaces(&recipe, &search);
             let config = RunConfig {
                 format: FORMAT.to_owned(),
                 scene: data.scene.root.canonicalize().unwrap_or_else(|_| data.scene.root.clone()),
@@ -109,7 +115,8 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
                 seed: args.seed.unwrap_or(0),
                 splits: splits_fingerprint(&data.scene, &data.splits),
                 budget: Budget { steps: args.steps, minutes: args.minutes },
-                bounds: args.bounds.unwrap_or_else(|| data.bounds()),
+                bounds: args.bounds.or_else(|| data.surface_bounds()).unwrap_or(search),
+                search,
                 recipe,
             };
             config.field()?;

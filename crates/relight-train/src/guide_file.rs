@@ -1,0 +1,78 @@
+//! What an engine has learnt of where to place samples, kept beside the weights: see
+//! [`Engine::guide`](relight_field::engine::Engine::guide).
+
+use std::collections::HashMap;
+use std::fs;
+use std::io::Write;
+use std::path::Path;
+
+use safetensors::tensor::TensorView;
+use safetensors::{Dtype, SafeTensors};
+
+use crate::TrainError;
+use crate::run::write_whole;
+
+/// Format and version of the file, under `format` in its metadata.
+const FORMAT: &str = "relight-guide-1";
+/// The one array of the file.
+const GUIDE: &str = "guide";
+
+/// Writes a guide; nothing for an empty one.
+///
+/// # Errors
+/// [`TrainError::Io`] or [`TrainError::Run`] if it cannot be written.
+pub(crate) fn save(guide: &[u8], path: &Path) -> Result<(), TrainError> {
+    if guide.is_empty() {
+        return Ok(());
+    }
+    let broken = |e: safetensors::SafeTensorError| TrainError::run(path, e.to_string());
+    let array = TensorView::new(Dtype::U8, vec![guide.len()], guide).map_err(broken)?;
+    let metadata = HashMap::from([("format".to_owned(), FORMAT.to_owned())]);
+    let bytes = safetensors::serialize([(GUIDE, array)], Some(metadata)).map_err(broken)?;
+    write_whole(path, |file| file.write_all(&bytes))
+}
+
+/// Reads the guide at `path`; `None` if there is none.
+///
+/// # Errors
+/// [`TrainError::Run`] if it is no guide; [`TrainError::Io`] if it cannot be read.
+pub fn load(path: &Path) -> Result<Option<Vec<u8>>, TrainError> {
+    let bytes = match fs::read(path) {
+        Ok(bytes) => bytes,
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        Err(e) => return Err(TrainError::io(path)(e)),
+    };
+    let broken = |problem: String| {
+        let mend =
+            "delete the file to draw from the weights alone, or resume the training, which writes it anew";
+        TrainError::run(path, format!("{problem}: {mend}"))
+    };
+    let (_, metadata) = SafeTensors::read_metadata(&bytes).map_err(|e| broken(e.to_string()))?;
+    let format = metadata.metadata().as_ref().and_then(|m| m.get("format")).map_or("", String::as_str);
+    if format != FORMAT {
+        return Err(broken(format!("format \"{format}\" is unknown, {FORMAT} was expected")));
+    }
+    let file = SafeTensors::deserialize(&bytes).map_err(|e| broken(e.to_string()))?;
+    let array = file.tensor(GUIDE).map_err(|e| broken(e.to_string()))?;
+    Ok(Some(array.data().to_vec()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn guides_come_back_and_damage_is_found() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("guide.safetensors");
+        save(&[], &path).unwrap();
+        assert_eq!(load(&path).unwrap(), None);
+        save(&[1, 2, 3], &path).unwrap();
+        assert_eq!(load(&path).unwrap(), Some(vec![1, 2, 3]));
+        let bytes = fs::read(&path).unwrap();
+        fs::write(&path, &bytes[..bytes.len() - 1]).unwrap();
+        assert!(load(&path).unwrap_err().to_string().contains("guide.safetensors"));
+        fs::write(&path, String::from_utf8_lossy(&bytes).replace("guide-1", "guide-9")).unwrap();
+        assert!(load(&path).unwrap_err().to_string().contains("guide-9"));
+    }
+}
