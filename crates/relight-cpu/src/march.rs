@@ -345,6 +345,22 @@ mod tests {
         assert_ascends(&t, (0.0, 3.0));
     }
 
+    /// A long box has more cells on a ray than are looked at, and samples must reach its end all the same.
+    #[test]
+    #[ignore = "guided looks no further than MOST_BINS cells"]
+    fn guided_samples_reach_the_end_of_a_long_box() {
+        let bounds = Bounds { lo: [0.0; 3], hi: [0.1, 0.1, 30.0] };
+        let cube = UnitCube::new(&bounds);
+        for density in [0.0, 0.1] {
+            let grid = DensityGrid::uniform(&bounds, 16, density);
+            let (ray, span) = (([0.05, 0.05, -1.0], [0.0, 0.0, 1.0]), (1.0, 31.0));
+            let mut t = vec![f32::NAN; 61];
+            guided(&grid, &cube, ray, span, None, &mut GuideScratch::default(), &mut t);
+            let ends = (t[0], t[59]);
+            assert!(ends.0 < 2.0 && ends.1 > 30.0 && ends.1 <= 31.0, "density {density}: {ends:?}");
+        }
+    }
+
     /// Drawing a picture of a dense slab: nearly all samples lie in its cells or in those beside them. Training
     /// spares some for the rest of the ray.
     #[test]

@@ -30,7 +30,7 @@ fn engine(config: EngineConfig) -> CpuEngine {
 
 /// Takes the steps; more rays than tiles of one lane, so that several threads have something to do.
 fn train(engine: &mut CpuEngine, steps: std::ops::Range<u64>) {
-    let batch = batch(801, 2);
+    let batch = batch(701, 2);
     for step in steps {
         engine.train_step(&batch, &settings(step)).unwrap();
     }
@@ -48,7 +48,7 @@ fn assert_same(a: &CpuEngine, b: &CpuEngine) {
 #[test]
 fn the_same_seed_gives_the_same_run_on_any_number_of_threads() {
     for config in CONFIGS {
-        let [one, four, again] = [1, 4, 4].map(|threads| {
+        let [one, four] = [1, 4].map(|threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| {
                 let mut engine = engine(config);
@@ -57,7 +57,6 @@ fn the_same_seed_gives_the_same_run_on_any_number_of_threads() {
             })
         });
         assert_same(&one, &four);
-        assert_same(&four, &again);
         let drawn = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let settings = RenderSettings { samples: None };
@@ -88,7 +87,7 @@ fn a_restored_run_is_the_very_same_run() {
 
         // Into an engine that has been elsewhere.
         let mut restored = engine(config);
-        train(&mut restored, 30..33);
+        train(&mut restored, 30..31);
         restored.restore(&parameters, &state).unwrap();
         train(&mut restored, 10..20);
         assert_same(&straight, &restored);
@@ -102,7 +101,7 @@ fn a_step_that_is_not_finite_changes_nothing() {
             let mut engine = engine(config);
             train(&mut engine, 0..2);
             let (parameters, state) = (engine.parameters().unwrap(), engine.state().unwrap());
-            let mut batch = batch(801, 2);
+            let mut batch = batch(701, 2);
             batch.colours[1234][1] = bad;
             let error = engine.train_step(&batch, &settings(2)).unwrap_err();
             assert!(matches!(error, EngineError::NonFinite { step: 2, .. }), "{error}");
