@@ -24,6 +24,8 @@ use crate::tile::{Regularisers, Workspace};
 
 /// Cells an axis of the density grid.
 const DENSITY_RESOLUTION: usize = 256;
+/// Guided samples a ray when a picture is drawn and nobody says how many: beyond them, little is gained.
+const DRAWING_SAMPLES: usize = 16;
 /// Steps between two decays of the density grid.
 const DENSITY_DECAY: u64 = 32;
 /// Columns that a tile aims at: few enough for its activations to stay in the second-level cache, enough to fill
@@ -407,6 +409,9 @@ impl Engine for CpuEngine {
 impl CpuEngine {
     fn sampling_for(&self, settings: &RenderSettings) -> Sampling {
         match (self.config.sampling, settings.samples) {
+            (Sampling::Guided { samples }, None) => {
+                Sampling::Guided { samples: samples.max(DRAWING_SAMPLES) }
+            }
             (sampling, None) => sampling,
             (Sampling::Guided { .. }, Some(samples)) => Sampling::Guided { samples: samples.max(2) },
             (Sampling::Stratified { .. }, Some(samples)) => {

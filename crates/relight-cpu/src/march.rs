@@ -52,9 +52,15 @@ impl UnitCube {
         let (mut near, mut far) = (0f32, f32::INFINITY);
         let (o, d) = (self.map(origin), direction);
         for a in 0..3 {
+            if d[a] == 0.0 {
+                // Parallel to these faces: between them all the way, or never.
+                if !(0.0..=1.0).contains(&o[a]) {
+                    far = 0.0;
+                }
+                continue;
+            }
             let inverse = 1.0 / (d[a] * self.inverse_extent[a]);
             let (t0, t1) = ((0.0 - o[a]) * inverse, (1.0 - o[a]) * inverse);
-            // A ray along a face gives NaN, which min and max ignore.
             near = near.max(t0.min(t1));
             far = far.min(t0.max(t1));
         }
@@ -129,7 +135,9 @@ pub fn guided(
 ) {
     let Some((last, t)) = t.split_last_mut() else { return };
     *last = far;
-    let step = grid.cell_size();
+    // Cells as long as the shortest side of the box allows, unless that makes too many of them.
+    let step = grid.cell_size().max((far - near) / MOST_BINS as f32);
+    let stretch = step / grid.cell_size();
     let bins = (((far - near) / step).ceil() as usize).clamp(1, MOST_BINS);
     let weight = &mut scratch.weight;
     weight.clear();
@@ -138,7 +146,7 @@ pub fn guided(
     let d: [f32; 3] = std::array::from_fn(|a| direction[a] * cube.inverse_extent[a]);
     for b in 0..bins {
         let cell = grid.cell(along(o, d, near + (b as f32 + 0.5) * step));
-        let optical = grid.optical_depth(cell);
+        let optical = grid.optical_depth(cell) * stretch;
         if optical == 0.0 {
             continue;
         }
@@ -305,7 +313,6 @@ mod tests {
     }
 
     #[test]
-    #[ignore = "clip takes a ray in the plane of a face for one that misses"]
     fn rays_along_a_face_stay_in_the_box() {
         for zero in [0.0, -0.0] {
             assert_clips([-1.0, 0.3, 0.0], [zero, zero, 1.0]);
@@ -347,7 +354,6 @@ mod tests {
 
     /// A long box has more cells on a ray than are looked at, and samples must reach its end all the same.
     #[test]
-    #[ignore = "guided looks no further than MOST_BINS cells"]
     fn guided_samples_reach_the_end_of_a_long_box() {
         let bounds = Bounds { lo: [0.0; 3], hi: [0.1, 0.1, 30.0] };
         let cube = UnitCube::new(&bounds);

@@ -29,6 +29,13 @@ pub struct Bounds {
     pub hi: [f32; 3],
 }
 
+impl Bounds {
+    /// Length of the longest edge, metres.
+    pub fn longest_edge(&self) -> f32 {
+        (0..3).map(|a| self.hi[a] - self.lo[a]).fold(0.0, f32::max)
+    }
+}
+
 /// A cubic box found from cameras and lights alone.
 ///
 /// It lies about the focus: the point nearest to the rays through the middles of all images (where those leave it open,

@@ -17,9 +17,10 @@ pub struct Recipe {
     pub lights_per_ray: usize,
     /// Whether stereo on the training images tells, before the first step, where surfaces are expected.
     pub stereo: bool,
-    /// Density at logit zero, per metre.
+    /// Optical depth of the box's edge at logit zero: how thick the fog is that training starts in.
     pub density_scale: f64,
-    /// Distance from an expected depth within which ray weight goes unpunished, metres.
+    /// Distance from an expected depth within which ray weight goes (nearly) unpunished, as a share of the box's
+    /// edge.
     pub depth_margin: f64,
     /// Steps of a training without limit over which the schedules run; they hold their last value after it.
     pub horizon: u64,
@@ -58,7 +59,7 @@ impl Recipe {
             rays_per_step: 4096,
             lights_per_ray: 1,
             stereo: false,
-            density_scale: 1.0,
+            density_scale: 2.0,
             depth_margin: 0.0,
             horizon: 150_000,
             epoch: None,
@@ -79,21 +80,21 @@ impl Recipe {
     /// and light, and depths from stereo to start the geometry.
     pub fn fast() -> Self {
         Self {
-            rays_per_step: 1024,
-            lights_per_ray: 8,
+            rays_per_step: 512,
+            lights_per_ray: 12,
             stereo: true,
-            depth_margin: 0.01,
+            density_scale: 0.1,
+            depth_margin: 0.015,
             horizon: 30_000,
             epoch: Some(1000),
             patience: 5,
             improvement: 0.02,
             validation_pixels: 250_000,
             report_every: 50,
-            sampling: Sampling::Guided { samples: 16 },
+            sampling: Sampling::Guided { samples: 12 },
             shading: Shading::Deferred,
-            learning_rate: Schedule::Exponential { from: 1e-2, to: 1e-3 },
-            depth_weight: Schedule::Linear { from: 1e-2, to: 1e-3, start: 0.1, end: 0.3 },
-            distortion_weight: Schedule::Linear { from: 0.0, to: 1e-3, start: 0.05, end: 0.2 },
+            learning_rate: Schedule::Exponential { from: 1e-2, to: 3e-4 },
+            depth_weight: Schedule::Linear { from: 0.1, to: 0.0, start: 0.0, end: 0.25 },
             ..Self::paper()
         }
     }
@@ -120,7 +121,7 @@ impl Recipe {
             return fault("lights-per-ray", "1 to 4096");
         }
         if !(self.depth_margin.is_finite() && self.depth_margin >= 0.0) {
-            return fault("depth-margin", "a length in metres, 0 or more");
+            return fault("depth-margin", "a share of the box's edge, 0 or more");
         }
         if self.horizon == 0 || self.epoch == Some(0) || self.report_every == 0 || self.validation_pixels == 0
         {

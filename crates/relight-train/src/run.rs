@@ -72,7 +72,7 @@ impl RunConfig {
             architecture,
             grid: self.recipe.grid,
             bounds: self.bounds,
-            density_scale: self.recipe.density_scale as f32,
+            density_scale: self.recipe.density_scale as f32 / self.bounds.longest_edge(),
         };
         field.validate()?;
         Ok(field)

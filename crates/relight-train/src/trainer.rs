@@ -227,7 +227,7 @@ impl<'a> Trainer<'a> {
             step,
             learning_rate: recipe.learning_rate.at(progress) as f32,
             depth_weight: recipe.depth_weight.at(progress) as f32,
-            depth_margin: recipe.depth_margin as f32,
+            depth_margin: recipe.depth_margin as f32 * self.config.bounds.longest_edge(),
             distortion_weight: recipe.distortion_weight.at(progress) as f32,
         };
         let non_finite = |what: String| TrainError::NonFinite { step, what, run: self.run.root().to_owned() };

@@ -28,7 +28,7 @@ fn engine(config: EngineConfig) -> CpuEngine {
     engine
 }
 
-/// Takes the steps; more rays than tiles of one lane, so that several threads have something to do.
+/// Takes the steps, of more tiles than there are partial sums.
 fn train(engine: &mut CpuEngine, steps: std::ops::Range<u64>) {
     let batch = batch(701, 2);
     for step in steps {
