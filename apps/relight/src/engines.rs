@@ -37,8 +37,8 @@ pub fn create(
     Ok(Box::new(CpuEngine::new(parameters, config)?))
 }
 
-/// An engine that holds the best weights of a run.
-pub fn of_run(run: &RunFolder, config: &RunConfig) -> anyhow::Result<Box<dyn Engine>> {
+/// The best weights of a run.
+pub fn weights(run: &RunFolder) -> anyhow::Result<Parameters> {
     let path = run.weights();
     if !path.is_file() {
         bail!(
@@ -46,9 +46,14 @@ pub fn of_run(run: &RunFolder, config: &RunConfig) -> anyhow::Result<Box<dyn Eng
             path.display()
         );
     }
-    let parameters = weights_file::load(&path)?;
-    let mut engine =
-        create(Device::Auto, &parameters, config.engine()).with_context(|| path.display().to_string())?;
+    Ok(weights_file::load(&path)?)
+}
+
+/// An engine that holds the best weights of a run.
+pub fn of_run(run: &RunFolder, config: &RunConfig) -> anyhow::Result<Box<dyn Engine>> {
+    let parameters = weights(run)?;
+    let mut engine = create(Device::Auto, &parameters, config.engine())
+        .with_context(|| run.weights().display().to_string())?;
     if let Some(guide) = guide_file::load(&run.guide())? {
         engine.set_guide(&guide).with_context(|| run.guide().display().to_string())?;
     }

@@ -127,6 +127,9 @@ pub fn query(
     let mut features = vec![0.0; networks.features * columns];
     let chunks = points.positions.chunks(QUERY_POINTS).zip(points.directions.chunks(QUERY_POINTS));
     for (world, directions) in chunks {
+        let single = |v: &[f64; 3]| v.map(|c| c as f32);
+        let world: Vec<[f32; 3]> = world.iter().map(single).collect();
+        let directions: Vec<[f32; 3]> = directions.iter().map(single).collect();
         positions.fill(0.5);
         for (i, &p) in world.iter().enumerate() {
             for (axis, u) in marcher.cube.map(p).into_iter().enumerate() {
@@ -149,7 +152,7 @@ pub fn query(
         shader.features.clear();
         let rows = features.chunks_exact(columns).chain(workspace.embeddings(columns).chunks_exact(columns));
         shader.features.extend(rows.flat_map(|row| &row[..world.len()]));
-        shader.forward(marcher.simd, networks, directions, 1, |_, _| light);
+        shader.forward(marcher.simd, networks, &directions, 1, |_, _| light);
         let width = shader.columns();
         for i in 0..world.len() {
             let o = shader.visibility[i];

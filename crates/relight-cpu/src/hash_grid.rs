@@ -31,6 +31,7 @@ struct EntryMoments {
 pub struct HashGrid {
     levels: Vec<GridLevel>,
     table: Vec<Entry>,
+    /// Empty until the first step: drawing needs none.
     moments: Vec<EntryMoments>,
     /// Gradient accumulators of one level, one for each thread at work; all zero between levels.
     scratch: Pool<Scratch>,
@@ -60,7 +61,7 @@ impl HashGrid {
         let largest = levels.iter().map(|l| l.entries).max().unwrap_or(0);
         Self {
             levels,
-            moments: vec![EntryMoments::default(); table.len()],
+            moments: Vec::new(),
             table,
             scratch: Pool::default(),
             largest,
@@ -79,6 +80,10 @@ impl HashGrid {
 
     /// Moments as flat arrays: first and second moments `[entries, 2]`, and updates `[entries]`.
     pub fn moments(&self) -> (Vec<f32>, Vec<f32>, Vec<u32>) {
+        if self.moments.is_empty() {
+            let n = self.table.len();
+            return (vec![0.0; 2 * n], vec![0.0; 2 * n], vec![0; n]);
+        }
         let m = self.moments.iter().flat_map(|e| e.m).collect();
         let v = self.moments.iter().flat_map(|e| e.v).collect();
         (m, v, self.moments.iter().map(|e| e.updates).collect())
@@ -120,6 +125,7 @@ impl HashGrid {
         correction: &BiasCorrection,
     ) {
         let (outputs, largest) = (self.outputs(), self.largest);
+        self.moments.resize(self.table.len(), EntryMoments::default());
         let mut tasks = Vec::with_capacity(self.levels.len());
         let (mut table, mut moments) = (&mut self.table[..], &mut self.moments[..]);
         for (l, level) in self.levels.iter().enumerate() {

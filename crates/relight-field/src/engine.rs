@@ -108,13 +108,14 @@ pub struct Samples {
     pub opacity: Vec<f32>,
 }
 
-/// Points at which the field itself is asked for, world frame.
+/// Points at which the field itself is asked for, world frame. In double precision: on the finest level of the grid,
+/// rounding a position to single precision shifts it by a ten-thousandth of a cell, and the density with it.
 #[derive(Clone, Debug, Default)]
 pub struct Points {
     /// Positions, metres.
-    pub positions: Vec<[f32; 3]>,
+    pub positions: Vec<[f64; 3]>,
     /// Unit view directions, from the camera into the scene.
-    pub directions: Vec<[f32; 3]>,
+    pub directions: Vec<[f64; 3]>,
     /// The light.
     pub light: Option<LightPose>,
 }

@@ -2,7 +2,8 @@
 //!
 //! Tensors are `grid.table` `[entries, 2]` and `geo.N.weight`, `rgb.N.weight`, `vis.N.weight` `[out, in]`, all `f32`.
 //! The metadata, a map of strings, holds `format`, `model`, and as JSON `bounds` (`[[lo], [hi]]`, metres), `grid`
-//! (with the `resolutions` of its levels, in cells an axis) and `density_scale` (per metre).
+//! (with the `resolutions` of its levels, in cells an axis) and `density_scale` (per metre). Single-precision numbers are
+//! written with all the digits of their double, so that readers in either precision get the very same.
 
 use std::collections::HashMap;
 use std::fs::File;
@@ -103,9 +104,12 @@ fn write(parameters: &Parameters, path: &Path) -> Result<(), WeightsFault> {
     let metadata = HashMap::from([
         ("format".to_owned(), FORMAT.to_owned()),
         ("model".to_owned(), model.to_owned()),
-        ("bounds".to_owned(), json("bounds", &[config.bounds.lo, config.bounds.hi])?),
+        (
+            "bounds".to_owned(),
+            json("bounds", &[config.bounds.lo.map(f64::from), config.bounds.hi.map(f64::from)])?,
+        ),
         ("grid".to_owned(), json("grid", &GridEntry::new(config.grid))?),
-        ("density_scale".to_owned(), json("density_scale", &config.density_scale)?),
+        ("density_scale".to_owned(), json("density_scale", &f64::from(config.density_scale))?),
     ]);
     let malformed = |e: safetensors::SafeTensorError| WeightsFault::Malformed(e.to_string());
     let tensors: Vec<(String, [usize; 2], Vec<u8>)> = parameters

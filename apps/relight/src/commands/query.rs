@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use anyhow::{Context, bail, ensure};
 use relight_field::architecture::LightInput;
 use relight_field::engine::{LightPose, Points};
+use relight_field::reference::{self, Field};
 use relight_train::run::RunFolder;
 use serde::{Deserialize, Serialize};
 
@@ -37,8 +38,8 @@ pub struct Args {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Question {
-    points: Vec<[f32; 3]>,
-    directions: Vec<[f32; 3]>,
+    points: Vec<[f64; 3]>,
+    directions: Vec<[f64; 3]>,
     #[serde(default)]
     light: Option<[f32; 16]>,
 }
@@ -58,8 +59,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     if points.light.is_none() && config.field()?.architecture.light != LightInput::None {
         bail!("{file}: no \"light\": model {} needs the light's 16 numbers, row by row", config.model);
     }
-    let engine = engines::of_run(&run, &config)?;
-    let values = engine.query(&points)?;
+    // The plain engine in double precision: what others compare with should carry no rounding of ours.
+    let parameters = engines::weights(&run)?;
+    let values = reference::query(&Field::<f64>::new(&parameters)?, &points)?;
     print_json(&Answer { density: values.density, rgb: values.rgb, visibility: values.visibility })
 }
 
@@ -78,7 +80,7 @@ fn parse(text: &str) -> anyhow::Result<Points> {
         bail!("point {i} is not finite");
     }
     let directions = question.directions.iter().enumerate().map(|(i, d)| {
-        let norm = d.iter().map(|c| c * c).sum::<f32>().sqrt();
+        let norm = d.iter().map(|c| c * c).sum::<f64>().sqrt();
         ensure!(norm.is_finite() && norm > 0.0, "direction {i} has no direction: {d:?}");
         Ok(d.map(|c| c / norm))
     });

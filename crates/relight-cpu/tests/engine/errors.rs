@@ -58,8 +58,12 @@ fn points_and_rays_without_directions() {
     rays.directions.pop();
     let settings = RenderSettings { samples: None };
     refused(engine.render(&rays, &lights()[0], Outputs::default(), &settings));
-    let Rays { origins: positions, directions } = rays;
-    refused(engine.query(&Points { positions, directions, light: Some(lights()[0]) }));
+    let points = Points {
+        positions: vec![[0.0; 3]; 3],
+        directions: vec![[0.0, 0.0, 1.0]; 2],
+        light: Some(lights()[0]),
+    };
+    refused(engine.query(&points));
 }
 
 #[test]

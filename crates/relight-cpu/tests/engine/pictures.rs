@@ -33,12 +33,13 @@ fn queries_equal_the_plain_engines() {
         .map(|i| {
             std::array::from_fn(|a| {
                 let share = 1.2 * random.uniform_at(6 * i + a as u64) - 0.1;
-                BOUNDS.lo[a] + share * (BOUNDS.hi[a] - BOUNDS.lo[a])
+                f64::from(BOUNDS.lo[a] + share * (BOUNDS.hi[a] - BOUNDS.lo[a]))
             })
         })
         .collect();
-    let directions =
-        (0..431).map(|i| normalised([0, 1, 2].map(|a| random.uniform_at(6 * i + 3 + a) - 0.5))).collect();
+    let directions = (0..431)
+        .map(|i| normalised([0, 1, 2].map(|a| random.uniform_at(6 * i + 3 + a) - 0.5)).map(f64::from))
+        .collect();
     let points = Points { positions, directions, light: Some(lights()[2]) };
     for (name, architecture, shading) in cases() {
         let parameters = field(architecture);

@@ -76,6 +76,42 @@ impl<R: Real> ReferenceEngine<R> {
     }
 }
 
+/// The field at points: density, radiance and visibility.
+///
+/// # Errors
+/// [`EngineError::Shape`] if positions and directions differ in number, or if the field needs a light and none is
+/// given.
+pub fn query<R: Real>(field: &Field<R>, points: &Points) -> Result<FieldValues, EngineError> {
+    same_number(points.positions.len(), points.directions.len())?;
+    let config = &field.parameters.config;
+    let lit = config.architecture.light != LightInput::None || config.architecture.visibility;
+    let light = match points.light {
+        None if lit => {
+            let name = config.architecture.name();
+            return Err(EngineError::Shape(format!("the colours of {name} need a light")));
+        }
+        light => light.unwrap_or(LightPose([0.0; 12])),
+    };
+    let mut values = FieldValues::default();
+    let mut visibility = Vec::new();
+    for (&position, &direction) in points.positions.iter().zip(&points.directions) {
+        let inside = (0..3).all(|a| {
+            let (lo, hi) = (f64::from(config.bounds.lo[a]), f64::from(config.bounds.hi[a]));
+            (lo..=hi).contains(&position[a])
+        });
+        let position = position.map(R::from_f64);
+        let view = spherical_harmonics::encode(direction.map(R::from_f64));
+        let encoded = encode::position(field, position);
+        let geometry = networks::geometry(field, &encoded.h);
+        let decoded = networks::decode(field, &encoded.h, geometry.e(), &view, &light, position);
+        values.density.push(if inside { geometry.sigma.to_f32() } else { 0.0 });
+        values.rgb.push(decoded.reflectance.map(|c| (decoded.visibility * c).to_f32()));
+        visibility.push(decoded.visibility.to_f32());
+    }
+    values.visibility = config.architecture.visibility.then_some(visibility);
+    Ok(values)
+}
+
 impl<R: Real> Engine for ReferenceEngine<R> {
     fn train_step(&mut self, batch: &RayBatch, settings: &StepSettings) -> Result<StepStats, EngineError> {
         let random = Random::new(self.config.seed, STEP_STREAM.wrapping_add(settings.step));
@@ -144,31 +180,7 @@ impl<R: Real> Engine for ReferenceEngine<R> {
     }
 
     fn query(&self, points: &Points) -> Result<FieldValues, EngineError> {
-        same_number(points.positions.len(), points.directions.len())?;
-        let config = &self.field.parameters.config;
-        let lit = config.architecture.light != LightInput::None || config.architecture.visibility;
-        let light = match points.light {
-            None if lit => {
-                let name = config.architecture.name();
-                return Err(EngineError::Shape(format!("the colours of {name} need a light")));
-            }
-            light => light.unwrap_or(LightPose([0.0; 12])),
-        };
-        let mut values = FieldValues::default();
-        let mut visibility = Vec::new();
-        for (&position, &direction) in points.positions.iter().zip(&points.directions) {
-            let inside = (0..3).all(|a| (config.bounds.lo[a]..=config.bounds.hi[a]).contains(&position[a]));
-            let position = position.map(R::from_f32);
-            let view = spherical_harmonics::encode(direction.map(R::from_f32));
-            let encoded = encode::position(&self.field, position);
-            let geometry = networks::geometry(&self.field, &encoded.h);
-            let decoded = networks::decode(&self.field, &encoded.h, geometry.e(), &view, &light, position);
-            values.density.push(if inside { geometry.sigma.to_f32() } else { 0.0 });
-            values.rgb.push(decoded.reflectance.map(|c| (decoded.visibility * c).to_f32()));
-            visibility.push(decoded.visibility.to_f32());
-        }
-        values.visibility = config.architecture.visibility.then_some(visibility);
-        Ok(values)
+        query(&self.field, points)
     }
 
     fn parameters(&self) -> Result<Parameters, EngineError> {

@@ -123,8 +123,8 @@ fn encodings() {
 fn field_values<R: Real>(tolerance: f64) {
     let golden = golden();
     let points = Points {
-        positions: golden.points.positions,
-        directions: golden.points.directions,
+        positions: golden.points.positions.into_iter().map(|p| p.map(f64::from)).collect(),
+        directions: golden.points.directions.into_iter().map(|d| d.map(f64::from)).collect(),
         light: Some(LightPose(golden.points.light)),
     };
     for (name, model) in golden.models {
