@@ -18,6 +18,10 @@ use crate::scene::{Layout, Scene};
 
 /// Views and lights of the official release.
 const RENE_SIZE: (usize, usize) = (50, 40);
+/// With so many of them a folder is taken for an official scene that was not fetched whole.
+const RENE_MOST: (usize, usize) = (45, 30);
+/// Images looked at to tell whether the test is blacked out.
+const WITNESSES: usize = 3;
 const RENE_TEST_CAMERAS: [usize; 3] = [4, 8, 15];
 const RENE_TEST_LIGHTS: [usize; 3] = [2, 21, 34];
 /// Validation cameras with their lights, as published.
@@ -76,9 +80,14 @@ pub struct Splits {
 }
 
 impl Splits {
-    /// The splits of a scene: the published ones for a folder of the official size (50 views, 40 lights); those that the
-    /// folder declares; else those in `splits.json` beside the scene; else splits drawn from a fixed seed by the same
-    /// scheme, which are then written there (if that cannot be done a warning is logged).
+    /// The splits of a scene: the published ones for an official scene, whole or not; else those that the folder
+    /// declares; else those in `splits.json` beside the scene; else splits drawn from a fixed seed by the same scheme,
+    /// which are then written there (if that cannot be done a warning is logged).
+    ///
+    /// Official is a ReNe folder whose numbers are all below 50 (views) and 40 (lights), and either at least 45 views
+    /// and 30 lights are there or the images of the published test views are black, as only the official release has
+    /// them: up to three are decoded to see. A capture of one's own of such a size has the published splits too: they
+    /// follow the same scheme.
     ///
     /// # Errors
     /// If `splits.json` is of an unknown version or does not fit the scene.
@@ -93,14 +102,17 @@ impl Splits {
         Ok(splits)
     }
 
-    /// As [`of`](Splits::of), but nothing is written.
-    pub(crate) fn peek(scene: &Scene) -> Result<Splits, SceneError> {
+    /// As [`of`](Splits::of), but nothing is written: for looking at a scene that is not trained on.
+    ///
+    /// # Errors
+    /// As [`of`](Splits::of).
+    pub fn peek(scene: &Scene) -> Result<Splits, SceneError> {
         Ok(Splits::settled(scene)?.unwrap_or_else(|| drawn::draw(scene)))
     }
 
     /// The splits that need not be drawn.
     fn settled(scene: &Scene) -> Result<Option<Splits>, SceneError> {
-        if is_rene_sized(scene) {
+        if is_official(scene) {
             return Ok(Some(published(scene)));
         }
         match &scene.declared {
@@ -129,21 +141,39 @@ impl Splits {
     }
 }
 
-fn is_rene_sized(scene: &Scene) -> bool {
+/// Whether a scene is of the official release, perhaps not all of it.
+fn is_official(scene: &Scene) -> bool {
     scene.layout == Layout::Rene
-        && scene.cameras.iter().map(|camera| camera.label).eq(0..RENE_SIZE.0)
-        && scene.lights.iter().map(|light| light.label).eq(0..RENE_SIZE.1)
+        && scene.cameras.iter().all(|camera| camera.label < RENE_SIZE.0)
+        && scene.lights.iter().all(|light| light.label < RENE_SIZE.1)
+        && (scene.cameras.len() >= RENE_MOST.0 && scene.lights.len() >= RENE_MOST.1 || is_blacked_out(scene))
 }
 
+/// Whether the images of the published test views are black, as far as a few of them tell.
+fn is_blacked_out(scene: &Scene) -> bool {
+    let is_test =
+        |frame: &usize| RENE_TEST_CAMERAS.contains(&scene.cameras[scene.frames[*frame].camera].label);
+    let tests: Vec<usize> = (0..scene.frames.len()).filter(is_test).collect();
+    let mut witnesses = tests.iter().step_by(tests.len().div_ceil(WITNESSES).max(1)).peekable();
+    witnesses.peek().is_some()
+        && witnesses.all(|&frame| scene.read_frame(frame).is_ok_and(|image| image.is_black()))
+}
+
+/// The published splits of what is there; should all validation views be missing others stand in.
 fn published(scene: &Scene) -> Splits {
-    by_held_out(
+    let camera = |label| scene.cameras.iter().position(|camera| camera.label == label);
+    let light = |label| scene.lights.iter().position(|light| light.label == label);
+    let val = RENE_VAL
+        .iter()
+        .filter_map(|&(view, lights)| Some((camera(view)?, lights.into_iter().filter_map(light).collect())));
+    drawn::with_validation(by_held_out(
         scene,
         &HeldOut {
-            test_cameras: RENE_TEST_CAMERAS.into(),
-            test_lights: RENE_TEST_LIGHTS.into(),
-            val: RENE_VAL.map(|(camera, lights)| (camera, lights.into())).into(),
+            test_cameras: RENE_TEST_CAMERAS.into_iter().filter_map(camera).collect(),
+            test_lights: RENE_TEST_LIGHTS.into_iter().filter_map(light).collect(),
+            val: val.collect(),
         },
-    )
+    ))
 }
 
 /// What the scheme keeps from training, by index.

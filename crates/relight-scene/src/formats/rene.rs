@@ -178,7 +178,7 @@ fn assemble(root: &Path, folders: &[LightFolder], faults: &mut Faults) -> Option
     Some(Scene { name, root: root.to_owned(), layout: Layout::Rene, cameras, lights, frames, declared: None })
 }
 
-/// Numbers left out: a light or a view that was not fetched, perhaps, and then the splits are not the published ones.
+/// Numbers left out: a light or a view that was not fetched, perhaps.
 fn check_numbers(
     root: &Path,
     what: &str,
@@ -193,7 +193,7 @@ fn check_numbers(
             .find(|(expected, label)| expected != label)
             .map_or(0, |(expected, _)| expected);
         let problem = format!("{gaps} of the {what} 0 to {last} are missing, the first of them {first}");
-        let mend = "Fetch them if they exist: the published splits need all 50 views and 40 lights.";
+        let mend = "Fetch them if they exist: the official scenes have 50 views and 40 lights.";
         faults.warning(FaultKind::Missing, root, problem, mend);
     }
 }

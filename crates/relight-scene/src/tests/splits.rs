@@ -1,10 +1,11 @@
 use std::collections::HashSet;
 use std::fs;
+use std::path::PathBuf;
 
 use tempfile::TempDir;
 
-use super::{Rig, SMALL, fault, replace};
-use crate::{FaultKind, Scene, Split, Splits};
+use super::{Rig, SMALL, fault, image_path, replace};
+use crate::{FaultKind, Frame, Image, Scene, Split, Splits};
 
 fn pairs(scene: &Scene, frames: &[usize]) -> Vec<(usize, usize)> {
     frames.iter().map(|&frame| (scene.frames[frame].camera, scene.frames[frame].light)).collect()
@@ -35,6 +36,80 @@ fn official_scenes_have_the_published_splits() {
     assert!(
         pairs(&scene, &splits.hard).iter().all(|(c, l)| test_cameras.contains(c) && test_lights.contains(l))
     );
+    assert!(!folder.path().join("splits.json").exists());
+}
+
+/// Leaves out what was not fetched.
+fn without(mut scene: Scene, is_absent: impl Fn(usize, usize) -> bool) -> Scene {
+    let labels = |frame: &Frame| (scene.cameras[frame.camera].label, scene.lights[frame.light].label);
+    let kept: Vec<(usize, usize, PathBuf)> = scene
+        .frames
+        .iter()
+        .map(|f| (labels(f), f.path.clone()))
+        .filter(|((camera, light), _)| !is_absent(*camera, *light))
+        .map(|((camera, light), path)| (camera, light, path))
+        .collect();
+    scene.cameras.retain(|camera| kept.iter().any(|&(label, ..)| label == camera.label));
+    scene.lights.retain(|light| kept.iter().any(|&(_, label, _)| label == light.label));
+    let camera = |label| scene.cameras.iter().position(|camera| camera.label == label).unwrap();
+    let light = |label| scene.lights.iter().position(|light| light.label == label).unwrap();
+    scene.frames =
+        kept.into_iter().map(|(c, l, path)| Frame { camera: camera(c), light: light(l), path }).collect();
+    scene
+}
+
+fn labels(scene: &Scene, frames: &[usize]) -> Vec<(usize, usize)> {
+    let label = |(camera, light): (usize, usize)| (scene.cameras[camera].label, scene.lights[light].label);
+    pairs(scene, frames).into_iter().map(label).collect()
+}
+
+#[test]
+fn official_scenes_not_fetched_whole_keep_the_published_splits() {
+    let folder = TempDir::new().unwrap();
+    let whole = Rig { views: 50, lights: 40, ..SMALL }.scene(folder.path());
+    let published = Splits::of(&whole).unwrap();
+    type Absent = fn(usize, usize) -> bool;
+    let absences: [Absent; 6] = [
+        |_, light| light == 39,
+        |_, light| light == 7,
+        |_, light| light == 2,
+        |camera, _| camera == 4 || camera == 20,
+        |camera, light| camera >= 45 || light >= 30,
+        |camera, light| camera == 30 && light == 3,
+    ];
+    for is_absent in absences {
+        let scene = without(whole.clone(), is_absent);
+        let splits = Splits::of(&scene).unwrap();
+        for split in [Split::Train, Split::Val, Split::Easy, Split::Hard] {
+            let mut expected = labels(&whole, published.get(split));
+            expected.retain(|&(camera, light)| !is_absent(camera, light));
+            assert_eq!(labels(&scene, splits.get(split)), expected);
+        }
+        assert!(!folder.path().join("splits.json").exists());
+    }
+    let no_validation = without(whole, |camera, _| [25, 42, 47].contains(&camera));
+    let splits = Splits::of(&no_validation).unwrap();
+    assert_eq!((splits.val.len(), splits.easy.len(), splits.hard.len()), (9, 111, 9));
+}
+
+#[test]
+fn a_small_part_of_an_official_scene_is_known_by_its_black_test() {
+    let rig = Rig { views: 10, lights: 4, ..SMALL };
+    let folder = rig.write();
+    let scene = Scene::open(folder.path()).unwrap();
+    let own = Splits::peek(&scene).unwrap();
+    let black = Image { data: vec![0; 3 * 12 * 9], ..rig.image(0, 0) };
+    for light in 0..4 {
+        black.write_png(&image_path(folder.path(), light, 4)).unwrap();
+    }
+    assert_eq!(Splits::peek(&scene).unwrap(), own, "view 8 is not black");
+    for light in 0..4 {
+        black.write_png(&image_path(folder.path(), light, 8)).unwrap();
+    }
+    let splits = Splits::of(&scene).unwrap();
+    assert!(pairs(&scene, &splits.easy).iter().all(|&(c, l)| [4, 8].contains(&c) && l != 2));
+    assert_eq!(pairs(&scene, &splits.hard), [(4, 2), (8, 2)]);
+    assert_eq!((splits.easy.len(), splits.train.len() + splits.val.len()), (6, 8 * 3));
     assert!(!folder.path().join("splits.json").exists());
 }
 
