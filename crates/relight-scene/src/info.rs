@@ -55,12 +55,12 @@ pub struct SceneInfo {
 }
 
 impl SceneInfo {
-    /// Sums a scene up. Its test images are decoded to see which are black.
+    /// Sums a scene up. Its test images are decoded to see which are black; nothing is written.
     ///
     /// # Errors
     /// If the splits cannot be had or a test image cannot be decoded.
     pub fn of(scene: &Scene) -> Result<SceneInfo, SceneError> {
-        let splits = Splits::of(scene)?;
+        let splits = Splits::peek(scene)?;
         let tests: Vec<usize> = splits.easy.iter().chain(&splits.hard).copied().collect();
         let black: Vec<bool> = tests
             .into_par_iter()

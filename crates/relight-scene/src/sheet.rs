@@ -25,12 +25,12 @@ const DRAWING: u32 = 480;
 /// Draws up to 8 views (rows, with their labels) under up to 8 lights (columns), evenly chosen. Where cameras and
 /// lights do not meet in a grid the images are simply evenly chosen frames. Beside them the poses, seen aslant from
 /// above and straight from above: training cameras blue, validation green, test red; training lights yellow, test lights
-/// orange; the box grey; the world's axes, 0.1 of the box long, red, green and blue.
+/// orange; the box grey; the world's axes, 0.1 of the box long, red, green and blue. Nothing is written.
 ///
 /// # Errors
 /// If an image cannot be decoded or the splits cannot be had.
 pub fn contact_sheet(scene: &Scene) -> Result<Image, SceneError> {
-    let splits = Splits::of(scene)?;
+    let splits = Splits::peek(scene)?;
     let cells = cells(scene);
     let thumbnails: Vec<(Cell, Image)> = cells
         .into_par_iter()

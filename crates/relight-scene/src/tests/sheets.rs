@@ -1,5 +1,5 @@
 use super::{Rig, SMALL};
-use crate::{Scene, contact_sheet};
+use crate::{Scene, SceneInfo, contact_sheet};
 
 #[test]
 fn a_sheet_shows_images_and_poses() {
@@ -19,6 +19,15 @@ fn a_sheet_shows_images_and_poses() {
     for colour in [[110, 160, 255], [80, 220, 120], [255, 80, 80], [255, 220, 80], [255, 140, 30], [130; 3]] {
         assert!(has(colour), "{colour:?} is not drawn");
     }
+}
+
+#[test]
+fn looking_at_a_scene_writes_nothing() {
+    let folder = SMALL.write();
+    let scene = Scene::open(folder.path()).unwrap();
+    contact_sheet(&scene).unwrap();
+    SceneInfo::of(&scene).unwrap();
+    assert!(!folder.path().join("splits.json").exists());
 }
 
 #[test]
