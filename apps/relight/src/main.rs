@@ -3,8 +3,8 @@
 mod commands;
 mod console;
 mod engines;
+mod preparation;
 mod report_page;
-mod session;
 
 use std::process::ExitCode;
 

@@ -63,6 +63,7 @@ struct Lane {
 #[derive(Clone, Copy, Default)]
 struct Sums {
     squared_error: f64,
+    gradient: f64,
     depth_penalty: f64,
     distortion: f64,
     depth_spread: f64,
@@ -196,6 +197,8 @@ impl CpuEngine {
                         &mut lane.gradients,
                         gradient,
                     );
+                    // Any number that is not finite makes the sum so.
+                    lane.sums.gradient += f64::from(gradient.iter().sum::<f32>());
                     lane.sums.depth_penalty += f64::from(penalty);
                     lane.sums.distortion += f64::from(distortion);
                 }
@@ -258,6 +261,7 @@ impl Engine for CpuEngine {
         }
         for lane in &self.lanes {
             sums.squared_error += lane.sums.squared_error;
+            sums.gradient += lane.sums.gradient;
             sums.depth_penalty += lane.sums.depth_penalty;
             sums.distortion += lane.sums.distortion;
             sums.depth_spread += lane.sums.depth_spread;
@@ -274,6 +278,7 @@ impl Engine for CpuEngine {
             (stats.loss, "the colour loss"),
             (sums.depth_penalty, "the depth penalty"),
             (sums.distortion, "the distortion loss"),
+            (sums.gradient, "the gradient of the hash grid"),
         ] {
             if !value.is_finite() {
                 return Err(non_finite(what));

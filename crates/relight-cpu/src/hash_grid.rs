@@ -59,13 +59,7 @@ impl HashGrid {
         let levels = config.level_table();
         let table: Vec<Entry> = table.as_chunks().0.to_vec();
         let largest = levels.iter().map(|l| l.entries).max().unwrap_or(0);
-        Self {
-            levels,
-            moments: Vec::new(),
-            table,
-            scratch: Pool::default(),
-            largest,
-        }
+        Self { levels, moments: Vec::new(), table, scratch: Pool::default(), largest }
     }
 
     /// The table, `[entries, 2]`.

@@ -147,7 +147,9 @@ impl SampleBatch {
             let (first, rest) = t.split_at_mut(coarse);
             first.copy_from_slice(old);
             // A little everywhere, so that a ray through nothing has somewhere to draw from.
-            let mass: Vec<f32> = weights.iter().map(|w| w + 1e-5).collect();
+            // What the opaque last sample weighs is what no density stopped: nothing to look closer at.
+            let mut mass: Vec<f32> = weights.iter().map(|w| w + 1e-5).collect();
+            mass[coarse - 1] = 1e-5;
             let old_lengths = &old_lengths[start..start + coarse];
             let mut end = span.0;
             let ends: Vec<f32> = old_lengths

@@ -15,6 +15,22 @@ use crate::TrainError;
 /// Streams of the seed below this number are left to the engine.
 const FIRST_STREAM: u64 = 1 << 62;
 
+/// The streams of the shifts of lights.
+const SHIFT_STREAM: u64 = 1 << 63;
+
+/// Mean distance from a light to its nearest neighbour, metres; zero for a single light.
+fn light_spacing(scene: &Scene) -> f64 {
+    let positions: Vec<[f64; 3]> = scene.lights.iter().map(|l| l.pose.position()).collect();
+    let distance =
+        |a: &[f64; 3], b: &[f64; 3]| a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+    let nearest = |i: usize| {
+        let others = positions.iter().enumerate().filter(|&(j, _)| j != i);
+        others.map(|(_, p)| distance(p, &positions[i])).fold(f64::INFINITY, f64::min)
+    };
+    let sum: f64 = (0..positions.len()).map(nearest).filter(|d| d.is_finite()).sum();
+    sum / positions.len().max(1) as f64
+}
+
 /// Where one training view's rays come from.
 struct View {
     pose: Pose,
@@ -32,6 +48,8 @@ pub struct BatchSampler<'a> {
     store: &'a PixelStore,
     depths: Option<&'a DepthPrior>,
     lights: Vec<LightPose>,
+    /// Half the width of the cube from which the shift of a light is drawn, metres.
+    shift: f32,
     views: Vec<View>,
     /// For each distinct set of intrinsics, `[x, y]` of every pixel's camera-frame direction `(x, y, 1)`, distortion
     /// removed.
@@ -42,8 +60,10 @@ pub struct BatchSampler<'a> {
 }
 
 impl<'a> BatchSampler<'a> {
-    /// A sampler of `rays` rays a step, each with `lights_per_ray` lights, or with as many as the poorest view has.
-    /// `depths` are those of the views of `store`.
+    /// A sampler of `rays` rays a step, each with `lights_per_ray` lights. Where no view has as many, rays have fewer
+    /// lights and there are more of them, so that a step compares as many pixels.
+    /// `depths` are those of the views of `store`. In every step each light is moved by a random distance of up to
+    /// `light_shift` times that between neighbouring lights, along each axis.
     ///
     /// # Errors
     /// [`TrainError::Data`] if there is nothing to draw from.
@@ -53,6 +73,7 @@ impl<'a> BatchSampler<'a> {
         depths: Option<&'a DepthPrior>,
         rays: usize,
         lights_per_ray: usize,
+        light_shift: f64,
         seed: u64,
     ) -> Result<Self, TrainError> {
         let mut known: Vec<Intrinsics> = Vec::new();
@@ -74,18 +95,19 @@ impl<'a> BatchSampler<'a> {
                 pairs_before_next: pairs,
             });
         }
-        let fewest = (0..store.views()).map(|v| store.lights(v).len()).min().unwrap_or(0);
-        if pairs == 0 || fewest == 0 {
+        let most = (0..store.views()).map(|v| store.lights(v).len()).max().unwrap_or(0);
+        if pairs == 0 {
             return Err(TrainError::Data(format!("{}: no training images", scene.root.display())));
         }
         Ok(Self {
             store,
             depths,
+            shift: light_shift as f32 * light_spacing(scene) as f32,
             lights: scene.lights.iter().map(|l| LightPose(l.pose.row_major_f32())).collect(),
             views,
             directions: known.iter().map(unprojected).collect(),
-            rays,
-            lights_per_ray: lights_per_ray.min(fewest),
+            rays: rays * lights_per_ray / lights_per_ray.min(most),
+            lights_per_ray: lights_per_ray.min(most),
             seed,
         })
     }
@@ -99,9 +121,7 @@ impl<'a> BatchSampler<'a> {
     pub fn fill(&self, step: u64, batch: &mut RayBatch) {
         let (n, k) = (self.rays, self.lights_per_ray);
         batch.lights_per_ray = k;
-        if batch.lights.len() != self.lights.len() {
-            batch.lights.clone_from(&self.lights);
-        }
+        self.shift_lights(step, &mut batch.lights);
         batch.rays.origins.resize(n, [0.0; 3]);
         batch.rays.directions.resize(n, [0.0; 3]);
         batch.light_index.resize(n * k, 0);
@@ -127,7 +147,12 @@ impl<'a> BatchSampler<'a> {
                 let [x, y] = self.directions[view.directions][pixel];
                 *direction = unit(view.pose.rotate([f64::from(x), f64::from(y), 1.0]));
                 let (held, pixels) = (self.store.lights(v), self.store.pixel(v, pixel));
-                draw_distinct(held.len() as u32, lights, |i| random.u32_at(first + 2 + i));
+                let own = k.min(held.len());
+                draw_distinct(held.len() as u32, &mut lights[..own], |i| random.u32_at(first + 2 + i));
+                // A view with fewer lights shows them again.
+                for i in own..k {
+                    lights[i] = lights[i - own];
+                }
                 for (light, colour) in lights.iter_mut().zip(colours) {
                     let slot = *light as usize;
                     *colour = pixels[slot].map(|c| f32::from(c) / 255.0);
@@ -140,6 +165,20 @@ impl<'a> BatchSampler<'a> {
                 let width = self.views[v].width;
                 *depth = prior.distance(v, pixel % width, pixel / width);
             });
+        }
+    }
+
+    /// The lights of `step`. A field that has only ever seen a light in one place may do anything between that place
+    /// and the next; moved a little, lights teach it to go evenly from one to the other.
+    fn shift_lights(&self, step: u64, lights: &mut Vec<LightPose>) {
+        lights.clone_from(&self.lights);
+        let random = Random::new(self.seed, SHIFT_STREAM + step);
+        for (i, light) in lights.iter_mut().enumerate() {
+            // Column 3 of the pose is the position.
+            for (draw, number) in [3, 7, 11].into_iter().enumerate() {
+                let share = 2.0 * random.uniform_at((3 * i + draw) as u64) - 1.0;
+                light.0[number] += share * self.shift;
+            }
         }
     }
 

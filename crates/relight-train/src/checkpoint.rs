@@ -35,7 +35,7 @@ pub struct Best {
 pub struct Standing {
     /// Steps taken.
     pub step: u64,
-    /// Seconds of training, all sessions together.
+    /// Seconds of training, over all resumptions.
     pub seconds: f64,
     /// Camera rays marched.
     pub rays: u64,
@@ -49,6 +49,8 @@ pub struct Standing {
     pub spread_sum: f64,
     /// The best validation.
     pub best: Option<Best>,
+    /// Validation PSNR of the last improvement that counted, dB.
+    pub reference: Option<f64>,
     /// Epochs since validation last improved.
     pub stale: u32,
     /// Bytes of `metrics.jsonl`.

@@ -13,7 +13,7 @@ use crate::TrainError;
 pub struct Report {
     /// Steps taken.
     pub step: u64,
-    /// Seconds of training, all sessions together, validation included.
+    /// Seconds of training, over all resumptions, validation included.
     pub seconds: f64,
     /// Camera rays marched so far.
     pub rays: u64,

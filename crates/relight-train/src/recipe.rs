@@ -15,6 +15,9 @@ pub struct Recipe {
     pub rays_per_step: usize,
     /// Lights that each ray is compared under; fewer where a training view has fewer.
     pub lights_per_ray: usize,
+    /// Farthest that a light is moved at random along each axis, in every step anew, as a share of the distance
+    /// between neighbouring lights.
+    pub light_shift: f64,
     /// Whether stereo on the training images tells, before the first step, where surfaces are expected.
     pub stereo: bool,
     /// Optical depth of the box's edge at logit zero: how thick the fog is that training starts in.
@@ -52,12 +55,14 @@ pub struct Recipe {
 
 impl Recipe {
     /// The published recipe (paper, section 4.3): 4096 rays over all images, one light each; 128 stratified and 128
-    /// importance samples, colour at every sample; Adam at a constant 1e-2; L2 alone; 150 000 steps, or until 10
-    /// epochs bring no improvement.
+    /// importance samples; Adam at a constant 1e-2; L2 alone; until 10 epochs bring no improvement. Where the paper is
+    /// silent: colour at every sample that weighs more than 1e-4 and a density of 1 at logit zero in a box of edge 2,
+    /// both as torch-ngp has them; the last sample of a ray is opaque, and what lies beyond the box is painted there.
     pub fn paper() -> Self {
         Self {
             rays_per_step: 4096,
             lights_per_ray: 1,
+            light_shift: 0.0,
             stereo: false,
             density_scale: 2.0,
             depth_margin: 0.0,
@@ -82,6 +87,7 @@ impl Recipe {
         Self {
             rays_per_step: 512,
             lights_per_ray: 12,
+            light_shift: 0.5,
             stereo: true,
             density_scale: 0.1,
             depth_margin: 0.015,
@@ -119,6 +125,23 @@ impl Recipe {
         }
         if !(1..=4096).contains(&self.lights_per_ray) {
             return fault("lights-per-ray", "1 to 4096");
+        }
+        if !(self.light_shift.is_finite() && (0.0..=2.0).contains(&self.light_shift)) {
+            return fault("light-shift", "0 to 2 times the distance between lights");
+        }
+        if self.rays_per_step * self.lights_per_ray > 1 << 22 {
+            return fault("rays-per-step times lights-per-ray", "at most 4194304");
+        }
+        let (first, second) = match self.sampling {
+            Sampling::Guided { samples } => (samples, 0),
+            Sampling::Stratified { coarse, fine } => (coarse, fine),
+        };
+        if !(2..=4096).contains(&first) || second > 4096 {
+            return fault("samples and coarse", "2 to 4096, and fine at most 4096");
+        }
+        let punished = [0.0, 0.25, 0.5, 0.75, 1.0].iter().any(|&p| self.depth_weight.at(p) > 0.0);
+        if punished && self.depth_margin <= 0.0 {
+            return fault("depth-margin", "above 0 where depth-weight is");
         }
         if !(self.depth_margin.is_finite() && self.depth_margin >= 0.0) {
             return fault("depth-margin", "a share of the box's edge, 0 or more");
@@ -162,6 +185,18 @@ mod tests {
     fn faults_name_the_setting() {
         let recipe = Recipe { learning_rate: Schedule::Constant(f64::INFINITY), ..Recipe::fast() };
         assert!(recipe.validate().unwrap_err().to_string().contains("learning-rate"));
+        for sampling in [
+            Sampling::Guided { samples: 1 },
+            Sampling::Guided { samples: 1_000_000_000_000 },
+            Sampling::Stratified { coarse: usize::MAX, fine: usize::MAX },
+        ] {
+            let recipe = Recipe { sampling, ..Recipe::fast() };
+            assert!(recipe.validate().unwrap_err().to_string().contains("samples"));
+        }
+        let recipe = Recipe { depth_margin: 0.0, ..Recipe::fast() };
+        assert!(recipe.validate().unwrap_err().to_string().contains("depth-margin"));
+        let recipe = Recipe { rays_per_step: 1 << 20, lights_per_ray: 4096, ..Recipe::fast() };
+        assert!(recipe.validate().unwrap_err().to_string().contains("times lights-per-ray"));
         let recipe = Recipe { rays_per_step: 0, ..Recipe::fast() };
         assert!(recipe.validate().unwrap_err().to_string().contains("rays-per-step"));
     }

@@ -88,8 +88,10 @@ impl RunConfig {
     }
 }
 
-/// A number that changes when any split of the scene changes: FNV-1a over the labels of each split's cameras and
-/// lights. Scores of a run mean something only while its splits are those it was trained with.
+/// A number that changes when any split of the scene changes, or where its cameras and lights stand: FNV-1a over the
+/// labels of each split's cameras and lights, their poses and intrinsics, and the sizes of the image files (captures of
+/// one rig differ in nothing else). Scores of a run mean something only on the scene and splits that it was trained
+/// with.
 pub fn splits_fingerprint(scene: &Scene, splits: &Splits) -> String {
     let mut hash = 0xcbf2_9ce4_8422_2325_u64;
     let mut eat = |value: u64| {
@@ -103,10 +105,21 @@ pub fn splits_fingerprint(scene: &Scene, splits: &Splits) -> String {
             let frame = &scene.frames[frame];
             eat(scene.cameras[frame.camera].label as u64);
             eat(scene.lights[frame.light].label as u64);
+            eat(fs::metadata(&frame.path).map_or(0, |m| m.len()));
         }
     }
+    for camera in &scene.cameras {
+        let lens = &camera.intrinsics;
+        eat(u64::from(lens.width) << 32 | u64::from(lens.height));
+        [lens.fx, lens.fy, lens.cx, lens.cy].iter().chain(&lens.distortion).for_each(|v| eat(v.to_bits()));
+    }
+    let poses = scene.cameras.iter().map(|c| &c.pose).chain(scene.lights.iter().map(|l| &l.pose));
+    poses.flat_map(|pose| pose.0.as_flattened()).for_each(|v| eat(v.to_bits()));
     format!("{hash:016x}")
 }
+
+/// What a training that failed before its first checkpoint leaves behind.
+const LEFT_BY_A_START: [&str; 4] = ["config.toml", "metrics.jsonl", "previews", "checkpoint"];
 
 /// The folder of a run.
 #[derive(Clone, Debug)]
@@ -115,7 +128,7 @@ pub struct RunFolder {
 }
 
 impl RunFolder {
-    /// Starts a run in `root`, which must not exist or be empty.
+    /// Starts a run in `root`, which must not exist, or be empty but for a run that never got anywhere.
     ///
     /// # Errors
     /// [`TrainError::Run`] if something is there already; [`TrainError::Io`] if it cannot be written.
@@ -129,7 +142,8 @@ impl RunFolder {
         fs::create_dir_all(root).map_err(TrainError::io(root))?;
         for entry in fs::read_dir(root).map_err(TrainError::io(root))? {
             let name = entry.map_err(TrainError::io(root))?.file_name();
-            if !name.to_string_lossy().ends_with(UNFINISHED) {
+            let name = name.to_string_lossy();
+            if !name.ends_with(UNFINISHED) && !LEFT_BY_A_START.contains(&name.as_ref()) {
                 return Err(TrainError::run(root, "is not empty and holds no run: choose another folder"));
             }
         }
@@ -138,9 +152,10 @@ impl RunFolder {
         Ok(run)
     }
 
-    /// Whether `root` holds a run.
+    /// Whether `root` holds a run that something was learnt in.
     pub fn exists(root: &Path) -> bool {
-        root.join("config.toml").is_file()
+        let run = Self { root: root.to_owned() };
+        run.config().is_file() && (run.checkpoint().is_file() || run.weights().is_file())
     }
 
     /// Opens the run in `root`.
@@ -148,7 +163,7 @@ impl RunFolder {
     /// # Errors
     /// [`TrainError::Run`] if there is none, or one of another version; [`TrainError::Io`] if it cannot be read.
     pub fn open(root: &Path) -> Result<(Self, RunConfig), TrainError> {
-        if !Self::exists(root) {
+        if !root.join("config.toml").is_file() {
             return Err(TrainError::run(root, "holds no run (no config.toml): train one with relight train"));
         }
         let run = Self { root: root.to_owned() };
@@ -220,7 +235,10 @@ impl RunFolder {
 }
 
 /// Writes a file beside `path`, then renames it: whoever reads `path` finds the old content or the new, whole.
-pub(crate) fn write_whole(
+///
+/// # Errors
+/// [`TrainError::Io`] if it cannot be written.
+pub fn write_whole(
     path: &Path,
     write: impl FnOnce(&mut fs::File) -> std::io::Result<()>,
 ) -> Result<(), TrainError> {

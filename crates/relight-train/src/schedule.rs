@@ -48,6 +48,15 @@ impl Schedule {
         }
     }
 
+    /// Whether the value stays as it is from `progress` on.
+    pub fn is_settled(&self, progress: f64) -> bool {
+        match *self {
+            Self::Constant(_) => true,
+            Self::Exponential { .. } => progress >= 1.0,
+            Self::Linear { end, .. } => progress >= end,
+        }
+    }
+
     /// Whether every value is finite and not negative, and the parts fit together.
     pub(crate) fn is_valid(&self) -> bool {
         let good = |v: f64| v.is_finite() && v >= 0.0;
@@ -111,6 +120,15 @@ mod tests {
         assert_eq!(ramp.at(0.9), 0.0);
         let jump = Schedule::Linear { from: 1.0, to: 3.0, start: 0.5, end: 0.5 };
         assert_eq!((jump.at(0.49), jump.at(0.5)), (1.0, 3.0));
+    }
+
+    #[test]
+    fn schedules_settle_where_they_stop_changing() {
+        assert!(Schedule::Constant(1.0).is_settled(0.0));
+        let decay = Schedule::Exponential { from: 1e-2, to: 1e-3 };
+        assert!(!decay.is_settled(0.99) && decay.is_settled(1.0));
+        let ramp = Schedule::Linear { from: 1.0, to: 0.0, start: 0.2, end: 0.4 };
+        assert!(!ramp.is_settled(0.1) && ramp.is_settled(0.4));
     }
 
     #[test]

@@ -127,6 +127,7 @@ impl<'a> Trainer<'a> {
             data.depths,
             recipe.rays_per_step,
             recipe.lights_per_ray,
+            recipe.light_shift,
             u64::from(config.seed),
         )?;
         let validation = Validation::load(data.scene, &data.splits.val, recipe.validation_pixels)?;
@@ -182,10 +183,13 @@ impl<'a> Trainer<'a> {
         let ending = loop {
             self.standing.seconds = seconds_before + started.elapsed().as_secs_f64();
             let progress = budget.progress(self.standing.step, self.standing.seconds, recipe.horizon);
-            if !budget.is_open() && progress >= 1.0 {
+            // A budget that stereo has used up still gets one step: weights that nothing trained are no result.
+            if !budget.is_open() && progress >= 1.0 && self.standing.step > 0 {
                 break Ending::Budget;
             }
-            if budget.is_open() && self.standing.stale >= recipe.patience {
+            // While the learning rate still falls, the gain is yet to come.
+            let settled = recipe.learning_rate.is_settled(progress);
+            if budget.is_open() && settled && self.standing.stale >= recipe.patience {
                 break Ending::Plateau;
             }
             if cancel.load(Ordering::Relaxed) {
@@ -260,8 +264,13 @@ impl<'a> Trainer<'a> {
             self.keep(&self.engine.parameters()?)?;
             self.standing.best = Some(Best { step, psnr: score.psnr });
         }
-        let improved = score.psnr > best + self.config.recipe.improvement;
-        self.standing.stale = if improved { 0 } else { self.standing.stale + 1 };
+        // Small gains add up: they are counted from the last that was large enough.
+        if score.psnr > self.standing.reference.unwrap_or(f64::NEG_INFINITY) + self.config.recipe.improvement
+        {
+            (self.standing.reference, self.standing.stale) = (Some(score.psnr), 0);
+        } else {
+            self.standing.stale += 1;
+        }
         Ok(Some((score.psnr, score.ssim)))
     }
 

@@ -5,7 +5,7 @@ mod common;
 use std::collections::HashMap;
 
 use relight_field::engine::RayBatch;
-use relight_scene::scene_bounds;
+use relight_scene::{PixelStore, scene_bounds};
 use relight_stereo::{DepthPrior, StereoSettings};
 use relight_train::batch::BatchSampler;
 
@@ -16,7 +16,7 @@ fn each_pair_is_the_pixel_that_its_ray_goes_through() {
     let bounds = scene_bounds(&data.scene);
     let settings = StereoSettings { confirmations: 0, ..StereoSettings::default() };
     let depths = DepthPrior::estimate(&data.scene, &data.pixels, &bounds, &settings).unwrap();
-    let sampler = BatchSampler::new(&data.scene, &data.pixels, Some(&depths), 200, 3, 1).unwrap();
+    let sampler = BatchSampler::new(&data.scene, &data.pixels, Some(&depths), 200, 3, 0.0, 1).unwrap();
     let mut batch = RayBatch::default();
     sampler.fill(5, &mut batch);
     assert_eq!((batch.rays.origins.len(), batch.colours.len(), batch.lights_per_ray), (200, 600, 3));
@@ -55,7 +55,7 @@ fn each_pair_is_the_pixel_that_its_ray_goes_through() {
 fn all_images_are_drawn_equally_often() {
     let folder = tempfile::tempdir().unwrap();
     let data = common::tiny_scene(folder.path());
-    let sampler = BatchSampler::new(&data.scene, &data.pixels, None, 1000, 2, 3).unwrap();
+    let sampler = BatchSampler::new(&data.scene, &data.pixels, None, 1000, 2, 0.0, 3).unwrap();
     let mut counts = HashMap::<(u32, u32), f64>::new();
     let mut batch = RayBatch::default();
     for step in 0..50 {
@@ -77,7 +77,7 @@ fn a_batch_depends_on_seed_and_step_and_on_nothing_else() {
     let data = common::tiny_scene(folder.path());
     let draw = |threads: usize, seed: u64, step: u64| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let sampler = BatchSampler::new(&data.scene, &data.pixels, None, 500, 2, seed).unwrap();
+        let sampler = BatchSampler::new(&data.scene, &data.pixels, None, 500, 2, 0.0, seed).unwrap();
         let mut batch = RayBatch::default();
         // What the buffers held before must not matter.
         sampler.fill(99, &mut batch);
@@ -90,10 +90,61 @@ fn a_batch_depends_on_seed_and_step_and_on_nothing_else() {
 }
 
 #[test]
-fn a_ray_carries_no_more_lights_than_the_poorest_view_has() {
+fn rays_carry_as_many_lights_as_the_richest_view_has() {
     let folder = tempfile::tempdir().unwrap();
     let data = common::tiny_scene(folder.path());
-    let fewest = (0..data.pixels.views()).map(|v| data.pixels.lights(v).len()).min().unwrap();
-    let sampler = BatchSampler::new(&data.scene, &data.pixels, None, 10, 100, 0).unwrap();
-    assert_eq!(sampler.lights_per_ray(), fewest);
+    let most = (0..data.pixels.views()).map(|v| data.pixels.lights(v).len()).max().unwrap();
+    let sampler = BatchSampler::new(&data.scene, &data.pixels, None, 10, 100, 0.0, 0).unwrap();
+    assert_eq!(sampler.lights_per_ray(), most);
+    let mut batch = RayBatch::default();
+    sampler.fill(0, &mut batch);
+    assert_eq!(batch.rays.origins.len(), 1000 / most, "as many pairs as were asked for");
+}
+
+#[test]
+fn a_view_with_one_light_shows_it_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = common::tiny_scene(folder.path());
+    let poor = data.scene.frames[data.splits.train[0]].camera;
+    let (mut frames, rest): (Vec<usize>, Vec<usize>) =
+        data.splits.train.iter().partition(|&&f| data.scene.frames[f].camera == poor);
+    frames.truncate(1);
+    let kept = data.scene.frames[frames[0]].light as u32;
+    frames.extend(rest);
+    let pixels = PixelStore::load(&data.scene, &frames, &|_, _| {}).unwrap();
+    let sampler = BatchSampler::new(&data.scene, &pixels, None, 2000, 3, 0.0, 1).unwrap();
+    let mut batch = RayBatch::default();
+    sampler.fill(0, &mut batch);
+    let origin = data.scene.cameras[poor].pose.position().map(|c| c as f32);
+    let of_poor: Vec<usize> = (0..2000).filter(|&r| batch.rays.origins[r] == origin).collect();
+    assert!(!of_poor.is_empty());
+    for ray in 0..2000 {
+        let lights = &batch.light_index[3 * ray..3 * ray + 3];
+        if of_poor.contains(&ray) {
+            assert_eq!(lights, [kept; 3]);
+        } else {
+            assert!(lights[0] != lights[1] && lights[1] != lights[2], "{lights:?}");
+        }
+    }
+}
+
+#[test]
+fn lights_are_moved_a_little_in_every_step() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = common::tiny_scene(folder.path());
+    let drawn = |shift: f64, step: u64| {
+        let sampler = BatchSampler::new(&data.scene, &data.pixels, None, 10, 2, shift, 1).unwrap();
+        let mut batch = RayBatch::default();
+        sampler.fill(step, &mut batch);
+        batch.lights
+    };
+    let (still, moved) = (drawn(0.0, 3), drawn(0.5, 3));
+    assert_eq!(moved, drawn(0.5, 3));
+    assert_ne!(moved, drawn(0.5, 4));
+    for (still, moved) in still.iter().zip(&moved) {
+        for (n, (a, b)) in still.0.iter().zip(&moved.0).enumerate() {
+            // Only positions move, by less than half the way to the nearest of the other lights.
+            assert!(if n % 4 == 3 { (a - b).abs() < 0.5 } else { a == b }, "{n}: {a} {b}");
+        }
+    }
 }

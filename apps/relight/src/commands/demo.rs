@@ -1,11 +1,12 @@
 //! `relight demo`: the main job from end to end, on a scene that the program makes itself.
 
 use std::fs;
+use std::io::Write;
 use std::num::NonZeroU32;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail, ensure};
+use anyhow::{bail, ensure};
 use relight_field::engine::{Engine, Outputs, RenderSettings};
 use relight_render::{Film, Map, focus, paths, render};
 use relight_scene::{Image, PixelStore, Scene, Split, scene_bounds};
@@ -14,14 +15,14 @@ use relight_train::baselines::{NearestLight, mean_image};
 use relight_train::demo_scene::DemoScene;
 use relight_train::evaluation::{Evaluation, Scores, evaluate};
 use relight_train::recipe::Recipe;
-use relight_train::run::{FORMAT, RunConfig, RunFolder, splits_fingerprint};
+use relight_train::run::{FORMAT, RunConfig, RunFolder, splits_fingerprint, write_whole};
 use relight_train::schedule::Budget;
 use relight_train::trainer::Ending;
 
 use crate::console::{Progress, cancel_flag, print_line, unless};
 use crate::engines::{self, Device};
+use crate::preparation::{Prepared, train};
 use crate::report_page::ReportPage;
-use crate::session::{Prepared, train};
 
 /// The scene: small enough to train in a minute or two, large enough to see.
 const SCENE: DemoScene = DemoScene { views: 36, lights: 20, width: 96, height: 72 };
@@ -112,7 +113,7 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     })?;
     overview(&data.scene, &shown)?.write_png(&out.join("overview.png"))?;
     let path = out.join("index.html");
-    fs::write(&path, page).with_context(|| path.display().to_string())?;
+    write_whole(&path, |file| file.write_all(page.as_bytes()))?;
     for row in table(&scores) {
         print_line(&format!("{:<24}{:>16}{:>16}{:>16}", row[0], row[1], row[2], row[3]))?;
     }

@@ -11,7 +11,7 @@ use relight_train::run::RunFolder;
 
 use crate::console::{Progress, cancel_flag, print_json, print_line, unless};
 use crate::engines;
-use crate::session::check_splits;
+use crate::preparation::check_splits;
 
 /// Score a trained run on images that it has not seen.
 ///
@@ -46,7 +46,11 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let splits = Splits::of(&scene)?;
     check_splits(&scene, &splits, &config)?;
     let engine = engines::of_run(&run, &config)?;
-    let pixels = PixelStore::load(&scene, &splits.train, &|_, _| {})?;
+    let bar = Progress::new("loading", splits.train.len() as u64, quiet);
+    let pixels = PixelStore::load(&scene, &splits.train, &|done, all| {
+        bar.update(done as u64, all as u64, || format!("{done} of {all} images"));
+    })?;
+    bar.finish(&format!("{}: {} training images", scene.name, splits.train.len()));
     if let Some(folder) = &args.images {
         fs::create_dir_all(folder).map_err(|source| TrainError::Io { path: folder.clone(), source })?;
     }

@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use relight_field::weights_file;
 use relight_train::run::RunFolder;
 
+use crate::engines;
+
 /// Write the weights of a run to a safetensors file.
 ///
 /// The names, shapes and conventions of the tensors are in docs/formats.md; other programs can load them.
@@ -20,7 +22,6 @@ pub struct Args {
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let (run, _) = RunFolder::open(&args.run)?;
-    let parameters = weights_file::load(&run.weights())?;
-    weights_file::save(&parameters, &args.weights)?;
+    weights_file::save(&engines::weights(&run)?, &args.weights)?;
     Ok(())
 }

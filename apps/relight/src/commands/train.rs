@@ -13,7 +13,7 @@ use relight_train::schedule::Budget;
 use relight_train::trainer::Ending;
 
 use crate::engines::{self, Device};
-use crate::session::{Prepared, train};
+use crate::preparation::{Prepared, train};
 
 /// Train a field on a scene.
 ///

@@ -34,12 +34,15 @@ impl<R: Real> Ray<R> {
     pub fn span(&self, bounds: &Bounds) -> (R, R) {
         let (mut near, mut far) = (R::ZERO, R::from_f64(f64::INFINITY));
         for a in 0..3 {
-            // A ray parallel to two faces never crosses them.
+            let (lo, hi) = (R::from_f32(bounds.lo[a]), R::from_f32(bounds.hi[a]));
             if self.direction[a] != R::ZERO {
-                let t0 = (R::from_f32(bounds.lo[a]) - self.origin[a]) / self.direction[a];
-                let t1 = (R::from_f32(bounds.hi[a]) - self.origin[a]) / self.direction[a];
+                let t0 = (lo - self.origin[a]) / self.direction[a];
+                let t1 = (hi - self.origin[a]) / self.direction[a];
                 near = near.max(t0.min(t1));
                 far = far.min(t0.max(t1));
+            } else if self.origin[a] < lo || self.origin[a] > hi {
+                // Parallel to these faces, and not between them.
+                far = R::ZERO;
             }
         }
         if near < far && far.is_finite() { (near, far) } else { (near, near) }
@@ -135,6 +138,8 @@ mod tests {
         let (near, far) = span([5.0, 0.0, 5.0], [0.6, 0.0, -0.8]);
         assert!(near == far && near.is_finite());
         assert_eq!(span([0.0, 0.0, 5.0], [0.0, 0.0, 0.0]), (0.0, 0.0));
+        let (near, far) = span([0.0, 1.5, 5.0], [0.0, 0.0, -1.0]);
+        assert_eq!(near, far);
     }
 
     #[test]

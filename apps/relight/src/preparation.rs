@@ -74,8 +74,8 @@ impl Prepared {
 pub fn check_splits(scene: &Scene, splits: &Splits, config: &RunConfig) -> anyhow::Result<()> {
     ensure!(
         splits_fingerprint(scene, splits) == config.splits,
-        "{}: the splits are not those this run was trained with, so its training images and the ones held out would \
-         mix; restore the scene's splits.json, or train anew",
+        "{}: not the scene that this run was trained on, or other splits of it, so that training images and the ones \
+         held out would mix; name the right scene, restore its splits.json, or train anew",
         scene.root.display()
     );
     Ok(())
