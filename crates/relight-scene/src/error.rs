@@ -101,11 +101,17 @@ pub enum SceneError {
     /// A split was asked for by a name that is none.
     #[error("there is no split {0:?}: the splits are train, val, easy and hard")]
     NoSuchSplit(String),
-    /// Training pixels do not fit into memory.
-    #[error("{bytes} bytes of training pixels do not fit into memory: choose fewer or smaller images")]
+    /// There are too many training pixels for the memory and for the disk.
+    #[error(
+        "{bytes} bytes of training pixels are too many to be held in memory, and cannot be kept in a cache file either \
+         ({cache}). Set RELIGHT_CACHE to a folder outside the dataset with that many bytes free, or choose fewer or \
+         smaller images."
+    )]
     Memory {
         /// What would be needed.
         bytes: usize,
+        /// Why there is no cache file.
+        cache: String,
     },
 }
 

@@ -116,10 +116,15 @@ impl Entry {
         unsafe { MmapOptions::new().offset(self.offset() as u64).len(self.length).map(file) }
     }
 
-    /// Starts to write the pixels.
+    /// Starts to write the pixels, if the disk has room for them.
     pub(super) fn create(&self) -> io::Result<Writer<'_>> {
         fs::create_dir_all(&self.folder)?;
         self.remove_abandoned()?;
+        let (needed, free) = ((self.offset() + self.length) as u64, fs4::available_space(&self.folder)?);
+        if needed > free {
+            let problem = format!("the disk has {free} bytes free, and {needed} are needed");
+            return Err(io::Error::new(io::ErrorKind::StorageFull, problem));
+        }
         let file = tempfile::Builder::new().suffix(UNFINISHED).tempfile_in(&self.folder)?;
         let mut file = BufWriter::with_capacity(1 << 16, file);
         file.write_all(&self.header())?;

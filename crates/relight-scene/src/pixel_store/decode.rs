@@ -1,6 +1,7 @@
 //! Images to pixels, view by view.
 
-use std::ops::ControlFlow;
+use std::iter::Peekable;
+use std::ops::{ControlFlow, Range};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
@@ -10,53 +11,83 @@ use crate::error::{FaultKind, SceneError};
 use crate::image_file::Image;
 use crate::scene::Scene;
 
-/// Images decoded at once, a thread: enough that threads seldom wait for each other at a group's end.
-const IMAGES_A_THREAD: usize = 4;
+/// Images decoded at once, a thread: enough that threads seldom wait for each other at a batch's end.
+const IMAGES_A_THREAD: usize = 8;
+/// Bytes of the images decoded at once, unless they are fewer than one a thread.
+const BYTES_AT_ONCE: usize = 1 << 28;
 /// Pixels interleaved by one task.
 const BLOCK: usize = 1 << 10;
 
-/// Decodes all views and hands each view's bytes, `[pixel][light][rgb]`, to `sink` in order, until it breaks off. Besides
-/// what the sink keeps, memory holds the images of a few views at a time: as many as keep all threads busy.
+/// One image's share of a part: some pixels of a view under one light.
+struct Job<'a> {
+    view: &'a View,
+    pixels: Range<usize>,
+    /// Where among the view's lights.
+    slot: usize,
+}
+
+/// Decodes all views and hands their bytes, `[pixel][light][rgb]`, to `sink` in order, until it breaks off. A view of
+/// more than `part` bytes is handed over in parts of its pixels, and its images are decoded once for each. Besides what
+/// the sink keeps, memory holds one part and a few images a thread, however many lights a view has.
 pub(super) fn decode(
     scene: &Scene,
     views: &[View],
+    part: usize,
     progress: &(dyn Fn(usize, usize) + Sync),
     sink: &mut dyn FnMut(&[u8]) -> ControlFlow<()>,
 ) -> Result<(), SceneError> {
     let total = views.iter().map(|view| view.frames.len()).sum();
     let done = AtomicUsize::new(0);
-    let at_once = IMAGES_A_THREAD * rayon::current_num_threads();
-    let mut rest = views;
-    let mut pixels = Vec::new();
-    while !rest.is_empty() {
-        let mut images = 0;
-        let full = rest.iter().position(|view| {
-            images += view.frames.len();
-            images >= at_once
-        });
-        let (group, later) = rest.split_at(full.map_or(rest.len(), |last| last + 1));
-        rest = later;
-        let frames: Vec<usize> = group.iter().flat_map(|view| view.frames.iter().copied()).collect();
-        let decoded: Vec<Image> = frames
-            .into_par_iter()
-            .map(|frame| {
-                let image = read_training(scene, frame)?;
-                progress(done.fetch_add(1, Ordering::Relaxed) + 1, total);
-                Ok(image)
+    let mut jobs = views.iter().flat_map(|view| jobs(view, part)).peekable();
+    let mut bytes = Vec::new();
+    loop {
+        let batch = batch(&mut jobs);
+        if batch.is_empty() {
+            return Ok(());
+        }
+        let decoded: Vec<(&Job, Image)> = batch
+            .par_iter()
+            .map(|job| {
+                let image = read_training(scene, job.view.frames[job.slot])?;
+                if job.pixels.end == job.view.pixels {
+                    progress(done.fetch_add(1, Ordering::Relaxed) + 1, total);
+                }
+                Ok((job, image))
             })
             .collect::<Result<_, SceneError>>()?;
-        let mut decoded = decoded.as_slice();
-        for view in group {
-            let (images, others) = decoded.split_at(view.frames.len());
-            decoded = others;
-            pixels.resize(view.bytes.len(), 0);
-            interleave(images, &mut pixels);
-            if sink(&pixels).is_break() {
+        for band in decoded.chunk_by(|_, (next, _)| next.slot > 0) {
+            let Job { view, pixels, slot } = band[0].0;
+            let lights = view.lights.len();
+            bytes.resize(3 * lights * pixels.len(), 0);
+            interleave(band, lights, &mut bytes);
+            if slot + band.len() == lights && sink(&bytes).is_break() {
                 return Ok(());
             }
         }
     }
-    Ok(())
+}
+
+/// A view's jobs: part by part, light by light.
+fn jobs(view: &View, part: usize) -> impl Iterator<Item = Job<'_>> {
+    let step = (part / (3 * view.lights.len())).max(1);
+    (0..view.pixels).step_by(step).flat_map(move |start| {
+        let pixels = start..(start + step).min(view.pixels);
+        (0..view.lights.len()).map(move |slot| Job { view, pixels: pixels.clone(), slot })
+    })
+}
+
+/// The jobs to do next, together.
+fn batch<'a>(jobs: &mut Peekable<impl Iterator<Item = Job<'a>>>) -> Vec<Job<'a>> {
+    let threads = rayon::current_num_threads();
+    let mut batch = Vec::new();
+    let mut bytes = 0;
+    while let Some(job) = jobs.next_if(|job| {
+        bytes += 3 * job.view.pixels;
+        batch.len() < threads || batch.len() < IMAGES_A_THREAD * threads && bytes <= BYTES_AT_ONCE
+    }) {
+        batch.push(job);
+    }
+    batch
 }
 
 fn read_training(scene: &Scene, frame: usize) -> Result<Image, SceneError> {
@@ -70,14 +101,14 @@ fn read_training(scene: &Scene, frame: usize) -> Result<Image, SceneError> {
     Ok(image)
 }
 
-/// `[light][pixel][rgb]` to `[pixel][light][rgb]`.
-fn interleave(images: &[Image], to: &mut [u8]) {
-    let stride = 3 * images.len();
-    to.par_chunks_mut(BLOCK * stride).enumerate().for_each(|(block, to)| {
-        for (light, image) in images.iter().enumerate() {
-            let from = image.data[3 * block * BLOCK..].as_chunks::<3>().0;
+/// Puts a band of lights, `[light][pixel][rgb]`, in its place in a part, `[pixel][light][rgb]`.
+fn interleave(band: &[(&Job, Image)], lights: usize, part: &mut [u8]) {
+    let stride = 3 * lights;
+    part.par_chunks_mut(BLOCK * stride).enumerate().for_each(|(block, to)| {
+        for (Job { pixels, slot, .. }, image) in band {
+            let from = image.data[3 * (pixels.start + block * BLOCK)..].as_chunks::<3>().0;
             for (pixel, colour) in to.chunks_exact_mut(stride).zip(from) {
-                pixel[3 * light..3 * light + 3].copy_from_slice(colour);
+                pixel[3 * slot..3 * slot + 3].copy_from_slice(colour);
             }
         }
     });

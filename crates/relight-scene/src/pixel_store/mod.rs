@@ -38,8 +38,20 @@ impl Deref for Bytes {
     }
 }
 
-/// Fewer bytes than this decode sooner than anyone notices, and are not cached.
-const WORTH_CACHING: usize = 1 << 24;
+/// What loading may take, bytes.
+#[derive(Clone, Copy)]
+pub(crate) struct Limits {
+    /// Fewer pixels than this decode sooner than anyone notices, and are not cached.
+    pub(crate) worth_caching: usize,
+    /// A larger view is put together in parts.
+    pub(crate) part: usize,
+    /// More pixels than this are not held in memory.
+    pub(crate) in_memory: usize,
+}
+
+impl Limits {
+    pub(crate) const USUAL: Limits = Limits { worth_caching: 1 << 24, part: 1 << 29, in_memory: 1 << 32 };
+}
 
 /// One camera's pixels.
 #[derive(Clone, Debug, PartialEq)]
@@ -63,47 +75,54 @@ impl PixelStore {
     /// The pixels are kept in a file in `$RELIGHT_CACHE` (else `$XDG_CACHE_HOME/relight`, else `~/.cache/relight`), which
     /// the next start maps into memory at once: the operating system then holds as much of it as there is room for. It
     /// is decoded anew if an image's size or time has changed. Where no such file can be written, and for small scenes,
-    /// the pixels are held in memory.
+    /// the pixels are held in memory, up to 4 GiB. While it decodes, it takes up to 0.5 GiB and a few images a thread
+    /// besides.
     ///
     /// # Errors
     /// The first image that cannot be decoded, is not of its camera's size, or is black: the official release blacks
-    /// out its test images, and training on one is always a mistake.
+    /// out its test images, and training on one is always a mistake. [`SceneError::Memory`], before any image is read, if
+    /// there are more pixels than the file's disk has room for and than memory may hold.
     pub fn load(
         scene: &Scene,
         frames: &[usize],
         progress: &(dyn Fn(usize, usize) + Sync),
     ) -> Result<PixelStore, SceneError> {
-        PixelStore::load_by(scene, frames, progress, cache::folder().as_deref(), WORTH_CACHING)
+        PixelStore::load_by(scene, frames, progress, cache::folder().as_deref(), &Limits::USUAL)
     }
 
-    /// As [`load`](PixelStore::load), with the cache in a given folder for scenes of at least so many bytes.
+    /// As [`load`](PixelStore::load), with the cache in a given folder and other limits.
     pub(crate) fn load_by(
         scene: &Scene,
         frames: &[usize],
         progress: &(dyn Fn(usize, usize) + Sync),
         cache_folder: Option<&Path>,
-        worth_caching: usize,
+        limits: &Limits,
     ) -> Result<PixelStore, SceneError> {
         let (views, length) = lay_out(scene, frames)?;
-        let folder = cache_folder.filter(|_| length > 0 && length >= worth_caching);
+        let folder = cache_folder.filter(|_| length > 0 && length >= limits.worth_caching);
         let entry = folder.and_then(|folder| cache::Entry::new(folder, scene, &views, length));
+        let mut cache = "there is no folder for it".to_owned();
         if let Some(entry) = entry {
             if let Some(map) = entry.open() {
                 progress(frames.len(), frames.len());
                 return Ok(PixelStore { views, bytes: Bytes::Mapped(map) });
             }
-            match decode_to_file(scene, &views, progress, &entry)? {
+            match decode_to_file(scene, &views, limits.part, progress, &entry)? {
                 Ok(map) => return Ok(PixelStore { views, bytes: Bytes::Mapped(map) }),
-                Err(error) => tracing::warn!(
-                    "{}: decoded pixels cannot be kept there ({error}): they are held in memory and decoded anew at the \
-                     next start. Set RELIGHT_CACHE to a folder with {length} bytes free.",
-                    entry.path().display()
-                ),
+                Err(error) => cache = format!("{}: {error}", entry.path().display()),
+            }
+            if length <= limits.in_memory {
+                tracing::warn!(
+                    "{cache}: decoded pixels cannot be kept there: they are held in memory and decoded anew at the next \
+                     start. Set RELIGHT_CACHE to a folder with {length} bytes free."
+                );
             }
         }
         let mut bytes = Vec::new();
-        bytes.try_reserve_exact(length).map_err(|_| SceneError::Memory { bytes: length })?;
-        decode::decode(scene, &views, progress, &mut |part| {
+        if length > limits.in_memory || bytes.try_reserve_exact(length).is_err() {
+            return Err(SceneError::Memory { bytes: length, cache });
+        }
+        decode::decode(scene, &views, limits.part, progress, &mut |part| {
             bytes.extend_from_slice(part);
             ControlFlow::Continue(())
         })?;
@@ -144,6 +163,7 @@ impl PixelStore {
 fn decode_to_file(
     scene: &Scene,
     views: &[View],
+    part: usize,
     progress: &(dyn Fn(usize, usize) + Sync),
     entry: &cache::Entry,
 ) -> Result<io::Result<Mmap>, SceneError> {
@@ -152,7 +172,7 @@ fn decode_to_file(
         Err(error) => return Ok(Err(error)),
     };
     let mut written = Ok(());
-    decode::decode(scene, views, progress, &mut |part| {
+    decode::decode(scene, views, part, progress, &mut |part| {
         written = writer.write(part);
         if written.is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     })?;
@@ -176,9 +196,10 @@ fn lay_out(scene: &Scene, frames: &[usize]) -> Result<(Vec<View>, usize), SceneE
         let lens = &scene.cameras[camera].intrinsics;
         let pixels = lens.width as usize * lens.height as usize;
         let length = pixels.checked_mul(3 * of_camera.len());
-        let end = length
-            .and_then(|length| start.checked_add(length))
-            .ok_or(SceneError::Memory { bytes: usize::MAX })?;
+        let end = length.and_then(|length| start.checked_add(length)).ok_or_else(|| SceneError::Memory {
+            bytes: usize::MAX,
+            cache: "no file is so long".to_owned(),
+        })?;
         views.push(View {
             camera,
             lights: of_camera.iter().map(|&(_, light, _)| light as u32).collect(),

@@ -7,6 +7,7 @@ use proptest::prelude::*;
 use tempfile::TempDir;
 
 use super::{Rig, SMALL, fault, image_path, lset, matrix_text, pose_path, replace};
+use crate::pixel_store::Limits;
 use crate::{
     FaultKind, PixelStore, Pose, Scene, SceneInfo, Severity, Splits, check, contact_sheet, scene_bounds,
 };
@@ -22,7 +23,7 @@ fn try_all(path: &Path) {
     let _ = SceneInfo::of(&scene);
     let _ = contact_sheet(&scene);
     if let Ok(splits) = Splits::of(&scene) {
-        let _ = PixelStore::load_by(&scene, &splits.train, &|_, _| {}, None, 0);
+        let _ = PixelStore::load_by(&scene, &splits.train, &|_, _| {}, None, &Limits::USUAL);
     }
 }
 

@@ -4,10 +4,13 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, SystemTime};
 
 use super::{Rig, SMALL, fault, image_path};
+use crate::pixel_store::Limits;
 use crate::{FaultKind, Image, PixelStore, Scene, SceneError};
 
+const LIMITS: Limits = Limits { worth_caching: 0, ..Limits::USUAL };
+
 fn load(scene: &Scene, frames: &[usize], cache: Option<&Path>) -> Result<PixelStore, SceneError> {
-    PixelStore::load_by(scene, frames, &|_, _| {}, cache, 0)
+    PixelStore::load_by(scene, frames, &|_, _| {}, cache, &LIMITS)
 }
 
 fn cached_files(cache: &Path) -> Vec<String> {
@@ -80,7 +83,8 @@ fn progress_counts_every_image() {
             count.fetch_add(1, Ordering::Relaxed);
             last.fetch_max(done, Ordering::Relaxed);
         };
-        PixelStore::load_by(&scene, &(0..24).collect::<Vec<_>>(), &progress, Some(cache.path()), 0).unwrap();
+        PixelStore::load_by(&scene, &(0..24).collect::<Vec<_>>(), &progress, Some(cache.path()), &LIMITS)
+            .unwrap();
         assert_eq!((count.into_inner(), last.into_inner()), (calls, 24));
     }
 }
@@ -173,5 +177,52 @@ fn faulty_training_images_are_refused_by_name_and_leave_no_cache() {
     }
     fs::write(&path, b"no image").unwrap();
     assert_eq!(fault(load(&scene, &frames, Some(cache.path())).map(drop)).kind, FaultKind::Image);
+    assert_eq!(cached_files(cache.path()), [""; 0]);
+}
+
+#[test]
+fn large_views_are_put_together_in_parts() {
+    let folder = SMALL.write();
+    let scene = Scene::open(folder.path()).unwrap();
+    let frames: Vec<usize> = (0..24).collect();
+    let cache = tempfile::tempdir().unwrap();
+    // Less than a pixel, a few pixels, and not a multiple of a pixel.
+    for part in [1, 60, 1000] {
+        for folder in [None, Some(cache.path())] {
+            let done = AtomicUsize::new(0);
+            let progress = |images, total| {
+                assert!(images <= total && total == 24);
+                done.fetch_max(images, Ordering::Relaxed);
+            };
+            let limits = Limits { part, ..LIMITS };
+            let store = PixelStore::load_by(&scene, &frames, &progress, folder, &limits).unwrap();
+            assert_holds(&store, &scene, &frames);
+            assert_eq!(done.into_inner(), 24);
+            if folder.is_some() {
+                fs::remove_file(cache.path().join(&cached_files(cache.path())[0])).unwrap();
+            }
+        }
+    }
+}
+
+#[test]
+fn more_pixels_than_memory_and_disk_can_hold_are_refused_at_once() {
+    let folder = SMALL.write();
+    let mut scene = Rig { views: 200, lights: 200, ..SMALL }.scene(folder.path());
+    for frame in &mut scene.frames {
+        frame.path = image_path(folder.path(), 0, 0);
+    }
+    for camera in &mut scene.cameras {
+        (camera.intrinsics.width, camera.intrinsics.height) = (16384, 16384);
+    }
+    let frames: Vec<usize> = (0..scene.frames.len()).collect();
+    let cache = tempfile::tempdir().unwrap();
+    for (folder, says) in [(None, "no folder"), (Some(cache.path()), "bytes free")] {
+        let error = load(&scene, &frames, folder).map(drop).unwrap_err();
+        assert!(matches!(error, SceneError::Memory { .. }), "{error}");
+        let error = error.to_string();
+        assert!(error.contains("32212254720000 bytes") && error.contains("RELIGHT_CACHE"), "{error}");
+        assert!(error.contains(says), "{error}");
+    }
     assert_eq!(cached_files(cache.path()), [""; 0]);
 }
