@@ -39,8 +39,12 @@ pub(crate) fn read_bytes(path: &Path, limit: u64) -> Result<Vec<u8>, SceneError>
     if bytes.len() as u64 > limit { Err(too_long()) } else { Ok(bytes) }
 }
 
-/// A text file of at most `limit` bytes.
-pub(crate) fn read_text(path: &Path, limit: u64) -> Result<String, SceneError> {
+/// Reads a text file of at most `limit` bytes, whatever the path may name: for files that come from elsewhere.
+///
+/// # Errors
+/// [`SceneError::Fault`] that names the file, if it is no regular file (a read from a pipe or a device may never end), is
+/// longer, is not UTF-8 or cannot be read.
+pub fn read_text(path: &Path, limit: u64) -> Result<String, SceneError> {
     String::from_utf8(read_bytes(path, limit)?).map_err(|_| {
         SceneError::fault(FaultKind::Malformed, path, "is not text", "Put the right file in its place.")
     })

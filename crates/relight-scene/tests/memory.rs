@@ -1,12 +1,13 @@
 //! What the crate holds in memory at the most, told by an allocator that counts. One test, so that no other one is
 //! counted with it.
+#![allow(clippy::unwrap_used)]
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::fs;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use relight_scene::{Image, PixelStore, Scene};
+use relight_scene::{Image, PixelStore, Scene, Splits};
 
 static HELD: AtomicUsize = AtomicUsize::new(0);
 static MOST: AtomicUsize = AtomicUsize::new(0);
@@ -70,4 +71,24 @@ fn memory_is_bounded() {
     let held = pool.install(|| most_held(|| PixelStore::load(&scene, &frames, &|_, _| {}).unwrap()));
     assert!(held > pixels, "the store itself is counted");
     assert!(2 * held < 5 * pixels, "the store and one view, and a few images: {held} of {pixels}");
+
+    // Unknown keys are skipped, whatever they hold.
+    let unknown = format!("[{}[]]", "[],".repeat(1 << 20));
+    let path = folder.path().join("splits.json");
+    let text = format!(
+        r#"{{"unknown": {unknown}, "format": "relight-splits", "version": 1, "train": [[0, 0]], "val": [], "easy": [], "hard": []}}"#
+    );
+    fs::write(&path, &text).unwrap();
+    let held = most_held(|| assert_eq!(Splits::of(&scene).unwrap().train, [0]));
+    assert!(held < 2 * text.len(), "{held} for {}", text.len());
+
+    let transforms = folder.path().join("capture.json");
+    let text = format!(
+        r#"{{"unknown": {unknown}, "camera_angle_x": 1, "frames": [{{"unknown": {unknown}, "pl_pos": [1, 0, 2],
+        "transform_matrix": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 3], [0, 0, 0, 1]],
+        "file_path": "lset000/data/00000_image.png"}}]}}"#
+    );
+    fs::write(&transforms, &text).unwrap();
+    let held = most_held(|| assert_eq!(Scene::open(&transforms).unwrap().frames.len(), 1));
+    assert!(held < 2 * text.len(), "{held} for {}", text.len());
 }

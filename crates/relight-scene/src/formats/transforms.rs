@@ -24,22 +24,31 @@ use crate::pose::Pose;
 use crate::scene::{Layout, Scene};
 use crate::splits::{Split, Splits};
 
-const LONGEST: u64 = 1 << 28;
+const LONGEST: u64 = 1 << 26;
 /// Lights farther out than this are no metres.
 const FARTHEST: f64 = 1e6;
 
-#[derive(Deserialize)]
+/// What a file states. Lenses lie open among the other keys: they are read in passes of their own, since flattening them
+/// in would hold all unknown keys in memory.
 pub(crate) struct File {
-    #[serde(flatten)]
     lens: Lens,
     camera_model: Option<String>,
-    frames: Vec<Entry>,
+    frames: Vec<(Lens, Entry)>,
+}
+
+/// A file whose frames are read as one kind of thing.
+#[derive(Deserialize)]
+struct Frames<T> {
+    frames: Vec<T>,
+}
+
+#[derive(Deserialize)]
+struct Model {
+    camera_model: Option<String>,
 }
 
 #[derive(Deserialize)]
 struct Entry {
-    #[serde(flatten)]
-    lens: Lens,
     file_path: PathBuf,
     transform_matrix: Vec<Vec<f64>>,
     pl_pos: Option<Vec<f64>>,
@@ -123,7 +132,11 @@ fn parse_file(path: &Path) -> Result<File, SceneError> {
 }
 
 pub(crate) fn parse(text: &str) -> Result<File, serde_json::Error> {
-    serde_json::from_str(text)
+    let entries: Frames<Entry> = serde_json::from_str(text)?;
+    let lenses: Frames<Lens> = serde_json::from_str(text)?;
+    let Model { camera_model } = serde_json::from_str(text)?;
+    let frames = lenses.frames.into_iter().zip(entries.frames).collect();
+    Ok(File { lens: serde_json::from_str(text)?, camera_model, frames })
 }
 
 /// What has been read so far. Equal cameras are one camera, and equal lights one light.
@@ -150,13 +163,13 @@ impl Reader {
             return;
         }
         let mut size = None;
-        for entry in &file.frames {
-            let Some((lens, pose, position, image)) =
-                faults.keep(self.read_entry(path, &file.lens, entry, &mut size))
+        for (lens, entry) in &file.frames {
+            let Some((intrinsics, pose, position, image)) =
+                faults.keep(self.read_entry(path, &lens.over(&file.lens), entry, &mut size))
             else {
                 continue;
             };
-            let camera = self.camera(lens, pose);
+            let camera = self.camera(intrinsics, pose);
             let light = self.light(position);
             if let Some(other) = self.pairs.insert((camera, light), image.clone()) {
                 let problem = format!("shows the same view under the same light as {}", other.display());
@@ -174,7 +187,7 @@ impl Reader {
     fn read_entry(
         &self,
         file: &Path,
-        shared: &Lens,
+        lens: &Lens,
         entry: &Entry,
         size: &mut Option<(u32, u32)>,
     ) -> Result<(Intrinsics, Pose, [f64; 3], PathBuf), SceneError> {
@@ -221,7 +234,6 @@ impl Reader {
             }
         };
         let image = self.find_image(&entry.file_path)?;
-        let lens = entry.lens.over(shared);
         if let (None, None) = (*size, lens.size()) {
             *size = Some(read_size(&image)?);
         }

@@ -17,7 +17,8 @@ const LONGEST: u64 = 1 << 26;
 /// Pairs of a camera's and a light's label.
 type Pairs = Vec<(usize, usize)>;
 
-#[derive(Serialize, Deserialize)]
+/// What every version states; other keys are skipped.
+#[derive(Deserialize)]
 struct Version {
     format: String,
     version: u64,
@@ -25,8 +26,8 @@ struct Version {
 
 #[derive(Serialize, Deserialize)]
 struct File {
-    #[serde(flatten)]
-    version: Version,
+    format: String,
+    version: u64,
     train: Pairs,
     val: Pairs,
     easy: Pairs,
@@ -90,7 +91,8 @@ pub(super) fn write(scene: &Scene, splits: &Splits) -> Result<(), SceneError> {
     let labels: Vec<(usize, usize)> = labels(scene).collect();
     let pairs = |split| splits.get(split).iter().map(|&frame| labels[frame]).collect();
     let file = File {
-        version: Version { format: FORMAT.to_owned(), version: VERSION },
+        format: FORMAT.to_owned(),
+        version: VERSION,
         train: pairs(Split::Train),
         val: pairs(Split::Val),
         easy: pairs(Split::Easy),

@@ -9,7 +9,8 @@ use tempfile::TempDir;
 use super::{Rig, SMALL, fault, image_path, lset, matrix_text, pose_path, replace};
 use crate::pixel_store::Limits;
 use crate::{
-    FaultKind, PixelStore, Pose, Scene, SceneInfo, Severity, Splits, check, contact_sheet, scene_bounds,
+    FaultKind, PixelStore, Pose, Scene, SceneInfo, Severity, Splits, check, contact_sheet, read_text,
+    scene_bounds,
 };
 
 /// Does to a folder all that the crate can do.
@@ -78,6 +79,42 @@ fn text_files_without_end() {
     let path = lset(folder.path(), 1).join("light.txt");
     replace(&path, "1 ".repeat(1 << 20));
     assert_eq!(fault(Scene::open(folder.path())).path, path);
+}
+
+#[test]
+fn only_short_regular_files_are_read_as_text() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("text");
+    fs::write(&path, "twelve bytes").unwrap();
+    assert_eq!(read_text(&path, 12).unwrap(), "twelve bytes");
+    let refused = |path: &Path, kind, says: &str| {
+        let fault = fault(read_text(path, 11));
+        assert_eq!((fault.kind, fault.path.as_path()), (kind, path));
+        assert!(fault.problem.contains(says) && !fault.mend.is_empty(), "{fault}");
+    };
+    refused(&path, FaultKind::Malformed, "longer than the 11 bytes");
+    replace(&path, b"\xff\xfe");
+    refused(&path, FaultKind::Malformed, "not text");
+    refused(folder.path(), FaultKind::Unreadable, "not a file");
+    refused(&folder.path().join("none"), FaultKind::Missing, "cannot be read");
+    #[cfg(unix)]
+    {
+        refused(Path::new("/dev/zero"), FaultKind::Unreadable, "not a file");
+        let pipe = folder.path().join("pipe");
+        let made = std::process::Command::new("mkfifo").arg(&pipe).status();
+        if made.is_ok_and(|status| status.success()) {
+            refused(&pipe, FaultKind::Unreadable, "not a file");
+        }
+    }
+}
+
+#[test]
+fn transforms_files_of_great_length_are_refused_unread() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("transforms.json");
+    fs::File::create(&path).unwrap().set_len((1 << 26) + 1).unwrap();
+    let fault = fault(Scene::open(folder.path()));
+    assert!(fault.path == path && fault.problem.contains("longer than"), "{fault}");
 }
 
 #[test]
