@@ -68,14 +68,13 @@ impl Reading {
     }
 }
 
-/// Adds what looks wrong about a scene's poses to the faults.
-pub(crate) fn check(scene: &Scene, faults: &mut Faults) {
+/// Adds what looks wrong about a scene's poses to the faults. `light_files` name for each light the file that places it.
+pub(crate) fn check(scene: &Scene, light_files: &[PathBuf], faults: &mut Faults) {
     let target = focus(&scene.cameras, &scene.lights);
-    if check_all_cameras(scene, faults) {
-        check_each_camera(scene, target, faults);
-        if scene.layout == Layout::Rene {
-            check_lights(scene, target, faults);
-        }
+    let camera_files = pose_files(scene);
+    if check_all_cameras(scene, &camera_files, faults) {
+        check_each_camera(scene, target, &camera_files, faults);
+        check_lights(scene, target, light_files, faults);
     }
 }
 
@@ -111,7 +110,7 @@ fn miss(sight: &Sight, point: Vector) -> f64 {
 }
 
 /// Whether the cameras as a whole follow the conventions, as far as can be told.
-fn check_all_cameras(scene: &Scene, faults: &mut Faults) -> bool {
+fn check_all_cameras(scene: &Scene, files: &[PathBuf], faults: &mut Faults) -> bool {
     if scene.cameras.len() < FEW {
         return true;
     }
@@ -133,17 +132,16 @@ fn check_all_cameras(scene: &Scene, faults: &mut Faults) -> bool {
             );
             // Cameras that look outward, from inside a room, also look away from their common point; but upright.
             let ups = scene.cameras.iter().filter(|camera| camera.pose.axis(1)[2] <= 0.0).count();
-            let path = pose_path(scene, 0);
             if reading == Reading::Flipped && 2 * ups > scene.cameras.len() {
                 faults.warning(
                     FaultKind::Convention,
-                    &path,
+                    &files[0],
                     "the cameras look away from their common point",
                     &mend,
                 );
                 return true;
             }
-            faults.error(FaultKind::Convention, &path, problem, &mend);
+            faults.error(FaultKind::Convention, &files[0], problem, &mend);
             return false;
         }
     }
@@ -151,27 +149,26 @@ fn check_all_cameras(scene: &Scene, faults: &mut Faults) -> bool {
 }
 
 /// Cameras that differ from the others.
-fn check_each_camera(scene: &Scene, target: Vector, faults: &mut Faults) {
+fn check_each_camera(scene: &Scene, target: Vector, files: &[PathBuf], faults: &mut Faults) {
     let distance = |pose: &Pose| norm(sub(target, pose.position()));
     let usual = median(scene.cameras.iter().map(|camera| distance(&camera.pose)).collect());
     if usual > FAR {
         let problem =
             format!("the cameras stand {usual:.0} m from what they look at: the poses look like millimetres");
         let mend = "Poses are in metres: divide all translations, the lights' too, by 1000.";
-        faults.warning(FaultKind::Convention, &pose_path(scene, 0), problem, mend);
+        faults.warning(FaultKind::Convention, &files[0], problem, mend);
     }
     if scene.cameras.len() < FEW {
         return;
     }
-    for (index, camera) in scene.cameras.iter().enumerate() {
-        let path = || pose_path(scene, index);
+    for (camera, path) in scene.cameras.iter().zip(files) {
         if distance(&camera.pose) > FARTHER * usual {
             let problem = format!(
                 "the camera stands {:.3} m from the scene, the others about {usual:.3} m",
                 distance(&camera.pose)
             );
             let mend = "Poses are in metres: this one looks like millimetres.";
-            faults.error(FaultKind::Convention, &path(), problem, mend);
+            faults.error(FaultKind::Convention, path, problem, mend);
             continue;
         }
         let off = |reading| miss(&camera_sight(camera, reading), target);
@@ -188,71 +185,74 @@ fn check_each_camera(scene: &Scene, target: Vector, faults: &mut Faults) {
             let (kind, cure) = reading.words();
             let problem = format!("the camera looks {degrees:.0} degrees away from what all others look at");
             let mend = format!("{CAMERA_MEND}; this one looks {kind}: {cure}.");
-            faults.error(FaultKind::Convention, &path(), problem, &mend);
+            faults.error(FaultKind::Convention, path, problem, &mend);
         } else {
             let problem = format!("the camera looks {degrees:.0} degrees away from what the others look at");
             let mend = format!("{CAMERA_MEND}: check this one, unless it is meant.");
-            faults.warning(FaultKind::Convention, &path(), problem, &mend);
+            faults.warning(FaultKind::Convention, path, problem, &mend);
         }
     }
 }
 
-/// The file that states a camera's pose.
-fn pose_path(scene: &Scene, camera: usize) -> PathBuf {
-    let Some(frame) = scene.frames.iter().find(|frame| frame.camera == camera) else {
-        return scene.root.clone();
-    };
-    match scene.layout {
-        Layout::Rene => frame.path.with_file_name(format!("{:05}_pose.txt", scene.cameras[camera].label)),
-        Layout::Transforms => frame.path.clone(),
+/// For each camera the file that places it: its first frame's.
+fn pose_files(scene: &Scene) -> Vec<PathBuf> {
+    let mut files = vec![None; scene.cameras.len()];
+    for frame in &scene.frames {
+        files[frame.camera].get_or_insert_with(|| match scene.layout {
+            Layout::Rene => {
+                frame.path.with_file_name(format!("{:05}_pose.txt", scene.cameras[frame.camera].label))
+            }
+            Layout::Transforms => frame.path.clone(),
+        });
     }
+    files.into_iter().map(|file| file.unwrap_or_else(|| scene.root.clone())).collect()
 }
 
-/// The file that states a light's pose.
-fn light_path(scene: &Scene, light: usize) -> PathBuf {
-    let frame = scene.frames.iter().find(|frame| frame.light == light);
-    let folder = frame.and_then(|frame| frame.path.parent()?.parent());
-    folder.map_or_else(|| scene.root.clone(), |folder| folder.join("light.txt"))
-}
-
-fn check_lights(scene: &Scene, target: Vector, faults: &mut Faults) {
-    const MEND: &str =
-        "Light poses are light-to-world matrices in metres; the light stands at the last column";
+fn check_lights(scene: &Scene, target: Vector, files: &[PathBuf], faults: &mut Faults) {
+    let is_pose = scene.layout == Layout::Rene;
+    let mend_start = if is_pose {
+        "Light poses are light-to-world matrices in metres; the light stands at the last column"
+    } else {
+        "pl_pos is the point light's x, y and z in the world, metres"
+    };
     let sights: Vec<Sight> = scene.lights.iter().map(|light| light_sight(&light.pose)).collect();
     let inverted: Vec<Sight> = scene.lights.iter().map(|light| light_sight(&light.pose.inverse())).collect();
-    // Lights are compared with what lights look at, which need not be the very point that cameras look at.
+    // Lights are compared with what lights look at, which need not be the very point that cameras look at. Where only
+    // their positions are stated they have no axes to compare.
     let (as_is, other) = (meeting(&sights), meeting(&inverted));
-    let is_enough = sights.len() >= FEW;
+    let is_enough = is_pose && sights.len() >= FEW;
     if is_enough && as_is.miss > ASTRAY && 3.0 * other.miss < as_is.miss && other.spread > 2.0 * as_is.spread
     {
         let problem =
             "the light poses look like world-to-light matrices: only so do the lights look at a common point";
-        faults.error(FaultKind::Convention, &light_path(scene, 0), problem, &format!("{MEND}: invert each."));
+        let mend = format!("{mend_start}: invert each.");
+        faults.error(FaultKind::Convention, &files[0], problem, &mend);
         return;
     }
     let distance = |camera: &Camera| norm(sub(target, camera.pose.position()));
     let cameras = median(scene.cameras.iter().map(distance).collect());
-    for (index, (sight, inverted)) in sights.iter().zip(&inverted).enumerate() {
-        let path = light_path(scene, index);
+    for ((sight, inverted), path) in sights.iter().zip(&inverted).zip(files) {
         let distance = norm(sub(target, sight.origin));
         let astray = miss(sight, as_is.point);
         let is_inverted = astray > ASTRAY && astray > 3.0 * miss(inverted, as_is.point);
+        // A file that places one light needs no more words to say which.
+        let light = if is_pose { "the light".to_owned() } else { format!("the light at {:?}", sight.origin) };
         if distance > FARTHER * cameras.max(1e-9) {
             let problem =
-                format!("the light stands {distance:.1} m from the scene, the cameras {cameras:.2} m");
-            let mend = format!("{MEND}; this one looks like millimetres.");
-            faults.error(FaultKind::Convention, &path, problem, &mend);
+                format!("{light} stands {distance:.1} m from the scene, the cameras {cameras:.2} m");
+            let mend = format!("{mend_start}; this one looks like millimetres.");
+            faults.error(FaultKind::Convention, path, problem, &mend);
         } else if is_enough && as_is.miss < ASTRAY && is_inverted {
             let problem = "the light looks away from what all others look at";
-            let mend = format!("{MEND}; this one looks like world-to-light: invert it.");
-            faults.error(FaultKind::Convention, &path, problem, &mend);
+            let mend = format!("{mend_start}; this one looks like world-to-light: invert it.");
+            faults.error(FaultKind::Convention, path, problem, &mend);
         } else if distance < INSIDE * cameras {
-            let problem = format!("the light stands {distance:.3} m from the middle of the scene, inside it");
-            faults.warning(FaultKind::Placement, &path, problem, &format!("{MEND}: check this one."));
+            let problem = format!("{light} stands {distance:.3} m from the middle of the scene, inside it");
+            faults.warning(FaultKind::Placement, path, problem, &format!("{mend_start}: check this one."));
         } else if sight.origin[2] < 0.0 {
-            let problem = format!("the light stands {:.3} m below the floor (z = 0)", -sight.origin[2]);
-            let mend = format!("{MEND}; the world's +Z is up: check this one.");
-            faults.warning(FaultKind::Placement, &path, problem, &mend);
+            let problem = format!("{light} stands {:.3} m below the floor (z = 0)", -sight.origin[2]);
+            let mend = format!("{mend_start}; the world's +Z is up: check this one.");
+            faults.warning(FaultKind::Placement, path, problem, &mend);
         }
     }
 }

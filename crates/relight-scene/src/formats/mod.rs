@@ -5,7 +5,7 @@ pub(crate) mod pose_file;
 mod rene;
 pub(crate) mod transforms;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::conventions;
 use crate::error::{FaultKind, Faults};
@@ -16,14 +16,22 @@ use crate::scene::Scene;
 /// that are errors there is a scene.
 pub(crate) fn read(path: &Path) -> (Option<Scene>, Faults) {
     let mut faults = Faults::default();
-    let scene = read_into(path, &mut faults);
-    if let Some(scene) = &scene {
-        conventions::check(scene, &mut faults);
-    }
+    let found = read_into(path, &mut faults);
+    let scene = found.map(|Found { scene, light_files }| {
+        conventions::check(&scene, &light_files, &mut faults);
+        scene
+    });
     (scene, faults)
 }
 
-fn read_into(path: &Path, faults: &mut Faults) -> Option<Scene> {
+/// A scene, and where it was found.
+struct Found {
+    scene: Scene,
+    /// For each light the file that places it.
+    light_files: Vec<PathBuf>,
+}
+
+fn read_into(path: &Path, faults: &mut Faults) -> Option<Found> {
     if path.extension().is_some_and(|extension| extension == "json") && path.is_file() {
         let folder = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
         return transforms::read(folder, &[(path.to_owned(), None)], faults);

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
+use super::Found;
 use super::camera_file;
 use super::pose_file;
 use crate::camera::{Camera, Intrinsics};
@@ -23,6 +24,9 @@ use crate::scene::{Layout, Scene};
 /// Poses of one camera in two folders that differ by no more than this, metres or entries of the rotation, are one
 /// pose: cameras come back to within 0.03 mm.
 const SAME_POSE: f64 = 1e-3;
+
+/// The file that places a folder's light.
+const LIGHT: &str = "light.txt";
 
 type Entries = [(String, PathBuf)];
 
@@ -47,7 +51,7 @@ fn number(digits: &str) -> Option<usize> {
 }
 
 /// Reads the folder, given its entries.
-pub(super) fn read(root: &Path, entries: &Entries, faults: &mut Faults) -> Option<Scene> {
+pub(super) fn read(root: &Path, entries: &Entries, faults: &mut Faults) -> Option<Found> {
     let mut numbered = BTreeMap::new();
     for (name, path) in entries {
         match light_number(name) {
@@ -73,7 +77,7 @@ pub(super) fn read(root: &Path, entries: &Entries, faults: &mut Faults) -> Optio
 
 fn read_light(label: usize, path: PathBuf) -> LightFolder {
     let mut faults = Faults::default();
-    let light = faults.keep(pose_file::read(&path.join("light.txt")));
+    let light = faults.keep(pose_file::read(&path.join(LIGHT)));
     let intrinsics = faults.keep(camera_file::read(&path.join("camera.yml")));
     let mut folder = LightFolder {
         label,
@@ -89,7 +93,7 @@ fn read_light(label: usize, path: PathBuf) -> LightFolder {
         folder.sort_in(&name, path, &mut faults);
     }
     for (name, path) in faults.keep(files::list(&folder.path)).unwrap_or_default() {
-        if !["camera.yml", "light.txt", "data"].contains(&name.as_str()) {
+        if !["camera.yml", LIGHT, "data"].contains(&name.as_str()) {
             faults.note(FaultKind::Extra, &path, "is no part of a ReNe scene and is not read", "");
         }
     }
@@ -133,7 +137,7 @@ impl LightFolder {
     }
 }
 
-fn assemble(root: &Path, folders: &[LightFolder], faults: &mut Faults) -> Option<Scene> {
+fn assemble(root: &Path, folders: &[LightFolder], faults: &mut Faults) -> Option<Found> {
     let intrinsics = common_intrinsics(folders, faults);
     let poses = common_poses(folders, faults);
     check_frames(folders, &poses, faults);
@@ -155,6 +159,7 @@ fn assemble(root: &Path, folders: &[LightFolder], faults: &mut Faults) -> Option
     let index: BTreeMap<usize, usize> =
         poses.keys().enumerate().map(|(index, &label)| (label, index)).collect();
     let mut lights = Vec::new();
+    let mut light_files = Vec::new();
     let mut frames = Vec::new();
     for folder in folders {
         let Some(pose) = folder.light else { continue };
@@ -164,6 +169,7 @@ fn assemble(root: &Path, folders: &[LightFolder], faults: &mut Faults) -> Option
             }
         }
         lights.push(Light { label: folder.label, pose });
+        light_files.push(folder.path.join(LIGHT));
     }
     if frames.is_empty() {
         faults.error(
@@ -175,7 +181,9 @@ fn assemble(root: &Path, folders: &[LightFolder], faults: &mut Faults) -> Option
         return None;
     }
     let name = super::name_of(root);
-    Some(Scene { name, root: root.to_owned(), layout: Layout::Rene, cameras, lights, frames, declared: None })
+    let scene =
+        Scene { name, root: root.to_owned(), layout: Layout::Rene, cameras, lights, frames, declared: None };
+    Some(Found { scene, light_files })
 }
 
 /// Numbers left out: a light or a view that was not fetched, perhaps.

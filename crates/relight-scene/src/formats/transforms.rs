@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
-use super::pose_file;
+use super::{Found, pose_file};
 use crate::camera::{Camera, Intrinsics, LONGEST_SIDE};
 use crate::error::{FaultKind, Faults, SceneError};
 use crate::files;
@@ -92,7 +92,7 @@ pub(super) fn find(entries: &[(String, PathBuf)]) -> Vec<(PathBuf, Option<Split>
 }
 
 /// Reads the files.
-pub(super) fn read(root: &Path, found: &[(PathBuf, Option<Split>)], faults: &mut Faults) -> Option<Scene> {
+pub(super) fn read(root: &Path, found: &[(PathBuf, Option<Split>)], faults: &mut Faults) -> Option<Found> {
     let mut reader = Reader { root: root.to_owned(), ..Reader::default() };
     for (path, split) in found {
         if let Some(file) = faults.keep(parse_file(path)) {
@@ -111,7 +111,7 @@ pub(super) fn read(root: &Path, found: &[(PathBuf, Option<Split>)], faults: &mut
         light.pose = Pose::look_at(light.pose.position(), target);
     }
     let declared = found.iter().all(|(_, split)| split.is_some()).then_some(reader.splits);
-    Some(Scene {
+    let scene = Scene {
         name: super::name_of(root),
         root: root.to_owned(),
         layout: Layout::Transforms,
@@ -119,7 +119,8 @@ pub(super) fn read(root: &Path, found: &[(PathBuf, Option<Split>)], faults: &mut
         lights: reader.lights,
         frames: reader.frames,
         declared,
-    })
+    };
+    Some(Found { scene, light_files: reader.light_files })
 }
 
 fn parse_file(path: &Path) -> Result<File, SceneError> {
@@ -147,6 +148,7 @@ struct Reader {
     camera_index: HashMap<Vec<u64>, usize>,
     lights: Vec<Light>,
     light_index: HashMap<[u64; 3], usize>,
+    light_files: Vec<PathBuf>,
     frames: Vec<Frame>,
     pairs: HashMap<(usize, usize), PathBuf>,
     splits: Splits,
@@ -170,7 +172,7 @@ impl Reader {
                 continue;
             };
             let camera = self.camera(intrinsics, pose);
-            let light = self.light(position);
+            let light = self.light(position, path);
             if let Some(other) = self.pairs.insert((camera, light), image.clone()) {
                 let problem = format!("shows the same view under the same light as {}", other.display());
                 faults.warning(FaultKind::Extra, &image, problem, "It is left out: remove one of the two.");
@@ -277,12 +279,13 @@ impl Reader {
         })
     }
 
-    fn light(&mut self, position: [f64; 3]) -> usize {
+    fn light(&mut self, position: [f64; 3], file: &Path) -> usize {
         let label = self.lights.len();
         *self.light_index.entry(position.map(f64::to_bits)).or_insert_with(|| {
             let [x, y, z] = position;
             let pose = Pose([[1.0, 0.0, 0.0, x], [0.0, 1.0, 0.0, y], [0.0, 0.0, 1.0, z]]);
             self.lights.push(Light { label, pose });
+            self.light_files.push(file.to_owned());
             label
         })
     }

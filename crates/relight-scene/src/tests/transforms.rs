@@ -6,7 +6,7 @@ use tempfile::TempDir;
 
 use super::{Rig, fault, from_angles, rows};
 use crate::vector::{angle, norm, sub};
-use crate::{FaultKind, Layout, Pose, Scene, Splits, scene_bounds};
+use crate::{FaultKind, Layout, Pose, Scene, Severity, Splits, check, scene_bounds};
 
 const SIZE: Rig = Rig { views: 1, lights: 1, width: 16, height: 10 };
 
@@ -192,6 +192,33 @@ fn poses_already_of_opencv_axes_are_noticed() {
         file["frames"][index]["transform_matrix"] = json!(rows(&camera(index)));
     }
     assert_eq!(fault(open(&root, &file)).kind, FaultKind::Convention);
+}
+
+#[test]
+fn lights_out_of_place_name_the_file_that_places_them() {
+    let cases = [
+        (
+            [3.0, 0.5, -0.25],
+            Severity::Warning,
+            "the light at [3.0, 0.5, -0.25] stands 0.250 m below the floor",
+        ),
+        ([0.25, 0.0, 0.5], Severity::Warning, "inside"),
+        ([3000.0, 0.0, 4000.0], Severity::Error, "stands 5000.0 m from the scene"),
+    ];
+    for (position, severity, says) in cases {
+        let (root, mut train) = blender(12);
+        let mut test = train.clone();
+        test["frames"] = train["frames"].as_array_mut().unwrap().split_off(6).into();
+        test["frames"][2]["pl_pos"] = json!(position);
+        fs::write(root.path().join("transforms_train.json"), train.to_string()).unwrap();
+        fs::write(root.path().join("transforms_test.json"), test.to_string()).unwrap();
+        let report = check(root.path(), &|_, _| {});
+        let placed = report.faults.iter().find(|fault| fault.problem.contains(says));
+        let fault = placed.unwrap_or_else(|| panic!("{says}: {:?}", report.faults));
+        assert_eq!((fault.severity, &fault.path), (severity, &root.path().join("transforms_test.json")));
+        assert!(fault.mend.contains("pl_pos"));
+        assert_eq!(report.faults.iter().filter(|fault| fault.severity != Severity::Note).count(), 1);
+    }
 }
 
 #[test]
