@@ -6,7 +6,7 @@ use relight_field::architecture::LightInput;
 use relight_field::encoding::fourier;
 use relight_field::engine::{
     Engine, EngineError, EngineState, FieldValues, LightPose, Outputs, Points, RayBatch, Rays,
-    RenderSettings, Samples, StateTensor, StepSettings, StepStats,
+    RenderSettings, Samples, StepSettings, StepStats,
 };
 use relight_field::parameters::{FieldConfig, Parameters};
 use relight_field::random::Random;
@@ -20,6 +20,7 @@ use crate::networks::{Gradients, Networks};
 use crate::pool::Pool;
 use crate::samples::{Jitter, Marcher, SampleBatch};
 use crate::shade::CodedLight;
+use crate::state;
 use crate::tile::{Regularisers, Workspace};
 
 /// Cells an axis of the density grid.
@@ -357,18 +358,7 @@ impl Engine for CpuEngine {
     }
 
     fn state(&self) -> Result<EngineState, EngineError> {
-        let mut state = EngineState::new();
-        let (m, v, updates) = self.grid.moments();
-        state.insert("adam.grid.m".into(), StateTensor::F32(m));
-        state.insert("adam.grid.v".into(), StateTensor::F32(v));
-        state.insert("adam.grid.updates".into(), StateTensor::U32(updates));
-        for (moments, name) in self.moments.iter().zip(["geo", "rgb", "vis"]) {
-            state.insert(format!("adam.{name}.m"), StateTensor::F32(moments.m.clone()));
-            state.insert(format!("adam.{name}.v"), StateTensor::F32(moments.v.clone()));
-            state.insert(format!("adam.{name}.updates"), StateTensor::U32(vec![moments.updates]));
-        }
-        state.insert("density".into(), StateTensor::U8(self.density.cells().to_vec()));
-        Ok(state)
+        Ok(state::save(&self.grid, &self.moments, &self.density))
     }
 
     fn restore(&mut self, parameters: &Parameters, state: &EngineState) -> Result<(), EngineError> {
@@ -376,36 +366,7 @@ impl Engine for CpuEngine {
             return Err(EngineError::Shape("the checkpoint holds another field than this run's".into()));
         }
         let mut fresh = Self::new(parameters, self.config)?;
-        let missing = |name: &str| {
-            EngineError::Shape(format!("the checkpoint lacks `{name}`, or holds it in another shape"))
-        };
-        let f32s = |name: &str, len: usize| match state.get(name) {
-            Some(StateTensor::F32(v)) if v.len() == len => Ok(v.clone()),
-            _ => Err(EngineError::Shape(format!(
-                "the checkpoint lacks `{name}`, or holds it in another shape"
-            ))),
-        };
-        let u32s = |name: &str, len: usize| match state.get(name) {
-            Some(StateTensor::U32(v)) if v.len() == len => Ok(v.clone()),
-            _ => Err(EngineError::Shape(format!(
-                "the checkpoint lacks `{name}`, or holds it in another shape"
-            ))),
-        };
-        let entries = parameters.table.len() / 2;
-        fresh.grid.set_moments(
-            &f32s("adam.grid.m", 2 * entries)?,
-            &f32s("adam.grid.v", 2 * entries)?,
-            &u32s("adam.grid.updates", entries)?,
-        );
-        for (moments, name) in fresh.moments.iter_mut().zip(["geo", "rgb", "vis"]) {
-            moments.m = f32s(&format!("adam.{name}.m"), moments.m.len())?;
-            moments.v = f32s(&format!("adam.{name}.v"), moments.v.len())?;
-            moments.updates = u32s(&format!("adam.{name}.updates"), 1)?[0];
-        }
-        match state.get("density") {
-            Some(StateTensor::U8(cells)) => fresh.set_guide(cells)?,
-            _ => return Err(missing("density")),
-        }
+        state::load(state, &mut fresh.grid, &mut fresh.moments, &mut fresh.density)?;
         *self = fresh;
         Ok(())
     }

@@ -19,6 +19,7 @@ pub mod networks;
 pub mod pool;
 pub mod samples;
 pub mod shade;
+mod state;
 pub mod tile;
 
 pub use engine::CpuEngine;

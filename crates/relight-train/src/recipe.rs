@@ -87,7 +87,7 @@ impl Recipe {
         Self {
             rays_per_step: 512,
             lights_per_ray: 12,
-            light_shift: 0.5,
+            light_shift: 0.4,
             stereo: true,
             density_scale: 0.1,
             depth_margin: 0.015,

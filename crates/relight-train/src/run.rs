@@ -89,9 +89,9 @@ impl RunConfig {
 }
 
 /// A number that changes when any split of the scene changes, or where its cameras and lights stand: FNV-1a over the
-/// labels of each split's cameras and lights, their poses and intrinsics, and the sizes of the image files (captures of
-/// one rig differ in nothing else). Scores of a run mean something only on the scene and splits that it was trained
-/// with.
+/// labels of each split's cameras and lights, their poses and intrinsics, and the sizes of the training images' files
+/// (captures of one rig differ in nothing else). Scores of a run mean something only on the scene and splits that it
+/// was trained with.
 pub fn splits_fingerprint(scene: &Scene, splits: &Splits) -> String {
     let mut hash = 0xcbf2_9ce4_8422_2325_u64;
     let mut eat = |value: u64| {
@@ -105,8 +105,10 @@ pub fn splits_fingerprint(scene: &Scene, splits: &Splits) -> String {
             let frame = &scene.frames[frame];
             eat(scene.cameras[frame.camera].label as u64);
             eat(scene.lights[frame.light].label as u64);
-            eat(fs::metadata(&frame.path).map_or(0, |m| m.len()));
         }
+    }
+    for &frame in &splits.train {
+        eat(fs::metadata(&scene.frames[frame].path).map_or(0, |m| m.len()));
     }
     for camera in &scene.cameras {
         let lens = &camera.intrinsics;

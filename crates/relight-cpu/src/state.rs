@@ -1,0 +1,69 @@
+//! What a checkpoint holds beside the weights: the optimiser's moments and the density grid.
+
+use relight_field::engine::{EngineError, EngineState, StateTensor};
+
+use crate::adam::Moments;
+use crate::density_grid::DensityGrid;
+use crate::hash_grid::HashGrid;
+
+/// Names of the networks, in the order of their moments.
+const NETWORKS: [&str; 3] = ["geo", "rgb", "vis"];
+
+/// The state of an engine made of these parts.
+pub fn save(grid: &HashGrid, moments: &[Moments; 3], density: &DensityGrid) -> EngineState {
+    let mut state = EngineState::new();
+    let (m, v, updates) = grid.moments();
+    state.insert("adam.grid.m".into(), StateTensor::F32(m));
+    state.insert("adam.grid.v".into(), StateTensor::F32(v));
+    state.insert("adam.grid.updates".into(), StateTensor::U32(updates));
+    for (moments, name) in moments.iter().zip(NETWORKS) {
+        state.insert(format!("adam.{name}.m"), StateTensor::F32(moments.m.clone()));
+        state.insert(format!("adam.{name}.v"), StateTensor::F32(moments.v.clone()));
+        state.insert(format!("adam.{name}.updates"), StateTensor::U32(vec![moments.updates]));
+    }
+    state.insert("density".into(), StateTensor::U8(density.cells().to_vec()));
+    state
+}
+
+/// Puts a state back into the parts of an engine.
+///
+/// # Errors
+/// [`EngineError::Shape`] if an array is missing or does not fit; some parts may then have been replaced.
+pub fn load(
+    state: &EngineState,
+    grid: &mut HashGrid,
+    moments: &mut [Moments; 3],
+    density: &mut DensityGrid,
+) -> Result<(), EngineError> {
+    let missing = |name: &str| {
+        EngineError::Shape(format!("the checkpoint lacks `{name}`, or holds it in another shape"))
+    };
+    let f32s = |name: &str| match state.get(name) {
+        Some(StateTensor::F32(numbers)) => Ok(numbers),
+        _ => Err(missing(name)),
+    };
+    let u32s = |name: &str| match state.get(name) {
+        Some(StateTensor::U32(numbers)) => Ok(numbers),
+        _ => Err(missing(name)),
+    };
+    if !grid.set_moments(f32s("adam.grid.m")?, f32s("adam.grid.v")?, u32s("adam.grid.updates")?) {
+        return Err(missing("adam.grid"));
+    }
+    for (moments, name) in moments.iter_mut().zip(NETWORKS) {
+        for (mine, part) in [(&mut moments.m, "m"), (&mut moments.v, "v")] {
+            let name = format!("adam.{name}.{part}");
+            let numbers = f32s(&name)?;
+            if numbers.len() != mine.len() {
+                return Err(missing(&name));
+            }
+            mine.copy_from_slice(numbers);
+        }
+        let name = format!("adam.{name}.updates");
+        let [updates] = u32s(&name)?[..] else { return Err(missing(&name)) };
+        moments.updates = updates;
+    }
+    match state.get("density") {
+        Some(StateTensor::U8(cells)) if density.set_cells(cells) => Ok(()),
+        _ => Err(missing("density")),
+    }
+}
