@@ -84,7 +84,7 @@ mod stopping {
 
 #[test]
 fn without_a_budget_training_ends_when_validation_stops_improving() {
-    let recipe = format!("patience = 2\nimprovement = 1000.0\n{TINY}");
+    let recipe = format!("horizon = 15\npatience = 2\nimprovement = 1000.0\n{TINY}");
     let shop = Workshop::with(DemoScene { views: 8, lights: 6, width: 24, height: 18 }, &recipe);
     shop.succeed("train scene --out run --recipe recipe.toml");
     assert_eq!(metrics(&shop.path("run")).last().unwrap()["step"], 30);

@@ -151,9 +151,14 @@ fn without_a_budget_a_plateau_ends_the_run() {
     let mut config = config(&data, None);
     // No validation can gain so much: the first is the best, and three more are waited for.
     config.recipe.improvement = 1e3;
-    let run = RunFolder::create(&folder.path().join("run"), &config).unwrap();
-    let outcome = train(&data, &run, &config, FakeEngine::new(&config), u64::MAX, &mut Vec::new()).unwrap();
-    assert_eq!((outcome.ending, outcome.standing.step), (Ending::Plateau, 16));
+    // The learning rate falls until the horizon, and nothing is given up before.
+    for (horizon, end) in [(10, 16), (23, 23)] {
+        config.recipe.horizon = horizon;
+        let run = RunFolder::create(&folder.path().join(format!("run{horizon}")), &config).unwrap();
+        let fake = FakeEngine::new(&config);
+        let outcome = train(&data, &run, &config, fake, u64::MAX, &mut Vec::new()).unwrap();
+        assert_eq!((outcome.ending, outcome.standing.step), (Ending::Plateau, end));
+    }
 }
 
 #[test]

@@ -81,7 +81,9 @@ fn metadata_is_as_documented() {
     let metadata = header.metadata().clone().unwrap();
     assert_eq!(metadata["format"], "relight-1");
     assert_eq!(metadata["model"], "v0");
-    assert_eq!(metadata["bounds"], "[[-0.5,-0.4,0.0],[0.75,0.6,0.8]]");
+    // Every digit, so that a reader in double precision has the very numbers that were trained with.
+    let bounds: [[f64; 3]; 2] = serde_json::from_str(&metadata["bounds"]).unwrap();
+    assert_eq!(bounds, [[-0.5f32, -0.4, 0.0], [0.75, 0.6, 0.8]].map(|corner| corner.map(f64::from)));
     assert_eq!(metadata["density_scale"], "3.0");
     let grid: serde_json::Value = serde_json::from_str(&metadata["grid"]).unwrap();
     let expected = serde_json::json!({
