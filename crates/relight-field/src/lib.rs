@@ -10,4 +10,5 @@ pub mod random;
 pub mod real;
 pub mod reference;
 pub mod sampling;
+pub mod tensor_file;
 pub mod weights_file;

@@ -5,18 +5,19 @@
 //! (with the `resolutions` of its levels, in cells an axis) and `density_scale` (per metre). Single-precision numbers are
 //! written with all the digits of their double, so that readers in either precision get the very same.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::fs::File;
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
-use relight_scene::Bounds;
+use relight_scene::{Bounds, write_whole};
 use safetensors::tensor::{Dtype, Metadata, TensorInfo, TensorView};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::architecture::Architecture;
 use crate::parameters::{FieldConfig, GridConfig, ParameterError, Parameters};
+use crate::tensor_file;
 
 /// The version of the format that is written, and the only one that is read.
 pub const FORMAT: &str = "relight-1";
@@ -38,7 +39,7 @@ pub struct WeightsError {
 #[derive(Debug, thiserror::Error)]
 pub enum WeightsFault {
     /// It cannot be read or written.
-    #[error("{0}")]
+    #[error("{0}. Check the path, its permissions and the space left on the disk")]
     Io(#[from] io::Error),
     /// It is not a whole safetensors file.
     #[error("not a whole safetensors file: {0}")]
@@ -101,15 +102,12 @@ fn write(parameters: &Parameters, path: &Path) -> Result<(), WeightsFault> {
         let reason = "the format has no name for this architecture".to_owned();
         return Err(WeightsFault::Metadata { key: "model", reason });
     }
-    let metadata = HashMap::from([
-        ("format".to_owned(), FORMAT.to_owned()),
-        ("model".to_owned(), model.to_owned()),
-        (
-            "bounds".to_owned(),
-            json("bounds", &[config.bounds.lo.map(f64::from), config.bounds.hi.map(f64::from)])?,
-        ),
-        ("grid".to_owned(), json("grid", &GridEntry::new(config.grid))?),
-        ("density_scale".to_owned(), json("density_scale", &f64::from(config.density_scale))?),
+    let metadata = BTreeMap::from([
+        ("format", FORMAT.to_owned()),
+        ("model", model.to_owned()),
+        ("bounds", json("bounds", &[config.bounds.lo.map(f64::from), config.bounds.hi.map(f64::from)])?),
+        ("grid", json("grid", &GridEntry::new(config.grid))?),
+        ("density_scale", json("density_scale", &f64::from(config.density_scale))?),
     ]);
     let malformed = |e: safetensors::SafeTensorError| WeightsFault::Malformed(e.to_string());
     let tensors: Vec<(String, [usize; 2], Vec<u8>)> = parameters
@@ -119,18 +117,11 @@ fn write(parameters: &Parameters, path: &Path) -> Result<(), WeightsFault> {
         .collect();
     let views = tensors
         .iter()
-        .map(|(name, shape, bytes)| Ok((name, TensorView::new(Dtype::F32, shape.to_vec(), bytes)?)))
+        .map(|(name, shape, bytes)| Ok((name.clone(), TensorView::new(Dtype::F32, shape.to_vec(), bytes)?)))
         .collect::<Result<Vec<_>, _>>()
         .map_err(malformed)?;
-    let bytes = safetensors::serialize(views, Some(metadata)).map_err(malformed)?;
-
-    let mut name = path.file_name().unwrap_or_default().to_owned();
-    name.push(".partial");
-    let partial = path.with_file_name(name);
-    let mut file = File::create(&partial)?;
-    file.write_all(&bytes)?;
-    file.sync_all()?;
-    Ok(std::fs::rename(&partial, path)?)
+    let bytes = tensor_file::serialize(views, &metadata).map_err(malformed)?;
+    Ok(write_whole(path, |file| file.write_all(&bytes))?)
 }
 
 fn read(path: &Path) -> Result<Parameters, WeightsFault> {

@@ -1,13 +1,15 @@
 //! Reading files that may be anything, and writing files so that no half of one is ever seen.
 
 use std::fs;
-use std::io::{Read, Write};
+use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
 use crate::error::{FaultKind, SceneError};
 
 /// Folders with more entries than this are not captures.
 const MOST_ENTRIES: usize = 200_000;
+/// Ending of a file that [`write_whole`] is at.
+pub const UNFINISHED: &str = ".part";
 
 /// The length of a plain file. Pipes and devices, on which a read may never end, are refused.
 pub(crate) fn plain_file_length(path: &Path) -> Result<u64, SceneError> {
@@ -68,6 +70,29 @@ pub(crate) fn list(folder: &Path) -> Result<Vec<(String, PathBuf)>, SceneError> 
     }
     entries.sort();
     Ok(entries)
+}
+
+/// Writes a file that a later start must find whole, after a loss of power too: beside `path`, then renamed to it. A kill
+/// leaves at most the one file of that name with the ending [`UNFINISHED`], which the next attempt replaces.
+///
+/// # Errors
+/// If `path` names a folder or the file cannot be written; nothing is left then.
+pub fn write_whole(path: &Path, write: impl FnOnce(&mut fs::File) -> io::Result<()>) -> io::Result<()> {
+    if path.is_dir() {
+        return Err(io::Error::new(io::ErrorKind::IsADirectory, "is a folder: name a file"));
+    }
+    let mut name = path.as_os_str().to_owned();
+    name.push(UNFINISHED);
+    let unfinished = PathBuf::from(name);
+    let written = fs::File::create(&unfinished).and_then(|mut file| {
+        write(&mut file)?;
+        file.sync_data()?;
+        fs::rename(&unfinished, path)
+    });
+    written.inspect_err(|_| {
+        // What went wrong is told already; that this fails too adds nothing.
+        let _ = fs::remove_file(&unfinished);
+    })
 }
 
 /// Writes a file to a temporary one beside it, then renames.

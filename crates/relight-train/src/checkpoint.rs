@@ -2,13 +2,14 @@
 //! together in one safetensors file, so that they cannot come from different steps.
 
 use std::borrow::Cow;
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use std::fs;
 use std::io::Write;
 use std::path::Path;
 
 use relight_field::engine::{EngineState, StateTensor};
 use relight_field::parameters::Parameters;
+use relight_field::tensor_file;
 use safetensors::{Dtype, SafeTensors, View};
 use serde::{Deserialize, Serialize};
 
@@ -122,12 +123,12 @@ impl Checkpoint {
             arrays.push((format!("{STATE}{name}"), array));
         }
         let broken = |e: &dyn std::fmt::Display| TrainError::run(path, e.to_string());
-        let metadata = HashMap::from([
-            ("format".to_owned(), FORMAT.to_owned()),
-            ("standing".to_owned(), serde_json::to_string(&self.standing).map_err(|e| broken(&e))?),
-            ("field".to_owned(), serde_json::to_string(&self.parameters.config).map_err(|e| broken(&e))?),
+        let metadata = BTreeMap::from([
+            ("format", FORMAT.to_owned()),
+            ("standing", serde_json::to_string(&self.standing).map_err(|e| broken(&e))?),
+            ("field", serde_json::to_string(&self.parameters.config).map_err(|e| broken(&e))?),
         ]);
-        let bytes = safetensors::serialize(arrays, Some(metadata)).map_err(|e| broken(&e))?;
+        let bytes = tensor_file::serialize(arrays, &metadata).map_err(|e| broken(&e))?;
         write_whole(path, |file| file.write_all(&bytes))
     }
 

@@ -27,7 +27,7 @@ pub enum TrainError {
         problem: String,
     },
     /// A file could not be read or written.
-    #[error("{}: {source}", path.display())]
+    #[error("{}: {source}. Check the path, its permissions and the space left on the disk", path.display())]
     Io {
         /// The file.
         path: PathBuf,

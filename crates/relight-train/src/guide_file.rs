@@ -1,11 +1,12 @@
 //! What an engine has learnt of where to place samples, kept beside the weights: see
 //! [`Engine::guide`](relight_field::engine::Engine::guide).
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use std::fs;
 use std::io::Write;
 use std::path::Path;
 
+use relight_field::tensor_file;
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensors};
 
@@ -27,8 +28,8 @@ pub(crate) fn save(guide: &[u8], path: &Path) -> Result<(), TrainError> {
     }
     let broken = |e: safetensors::SafeTensorError| TrainError::run(path, e.to_string());
     let array = TensorView::new(Dtype::U8, vec![guide.len()], guide).map_err(broken)?;
-    let metadata = HashMap::from([("format".to_owned(), FORMAT.to_owned())]);
-    let bytes = safetensors::serialize([(GUIDE, array)], Some(metadata)).map_err(broken)?;
+    let metadata = BTreeMap::from([("format", FORMAT.to_owned())]);
+    let bytes = tensor_file::serialize([(GUIDE.to_owned(), array)], &metadata).map_err(broken)?;
     write_whole(path, |file| file.write_all(&bytes))
 }
 

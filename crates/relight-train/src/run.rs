@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use relight_field::architecture::{Architecture, VARIANTS};
 use relight_field::parameters::FieldConfig;
 use relight_field::sampling::EngineConfig;
-use relight_scene::{Bounds, Scene, Splits};
+use relight_scene::{Bounds, Scene, Splits, UNFINISHED};
 use serde::{Deserialize, Serialize};
 
 use crate::TrainError;
@@ -25,9 +25,6 @@ use crate::schedule::Budget;
 
 /// Format and version of `config.toml`.
 pub const FORMAT: &str = "relight-run-1";
-
-/// Ending of files that are being written.
-const UNFINISHED: &str = ".part";
 
 /// All that is needed to repeat a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -236,7 +233,7 @@ impl RunFolder {
     }
 }
 
-/// Writes a file beside `path`, then renames it: whoever reads `path` finds the old content or the new, whole.
+/// Writes a file, in a folder that is made if need be: whoever reads `path` finds the old content or the new, whole.
 ///
 /// # Errors
 /// [`TrainError::Io`] if it cannot be written.
@@ -244,18 +241,6 @@ pub fn write_whole(
     path: &Path,
     write: impl FnOnce(&mut fs::File) -> std::io::Result<()>,
 ) -> Result<(), TrainError> {
-    let fail = TrainError::io(path);
-    let result = (|| {
-        if let Some(folder) = path.parent() {
-            fs::create_dir_all(folder)?;
-        }
-        let mut name = path.as_os_str().to_owned();
-        name.push(UNFINISHED);
-        let unfinished = PathBuf::from(name);
-        let mut file = fs::File::create(&unfinished)?;
-        write(&mut file)?;
-        file.sync_data()?;
-        fs::rename(&unfinished, path)
-    })();
-    result.map_err(fail)
+    let folder = path.parent().map_or(Ok(()), fs::create_dir_all);
+    folder.and_then(|()| relight_scene::write_whole(path, write)).map_err(TrainError::io(path))
 }

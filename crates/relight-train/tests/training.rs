@@ -12,6 +12,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use common::{Data, FakeEngine, config, tiny_scene};
 use relight_field::parameters::Parameters;
 use relight_field::weights_file;
+use relight_train::checkpoint::Checkpoint;
 use relight_train::run::{RunConfig, RunFolder};
 use relight_train::trainer::{Ending, Event, Outcome, Trainer, TrainingData};
 use relight_train::{Report, TrainError};
@@ -104,6 +105,23 @@ fn a_run_that_was_stopped_goes_on_as_if_it_had_not_been() {
     }
     assert_eq!(metrics(parts.root()), metrics(whole.root()));
     assert!(weights(&parts) == weights(&whole));
+}
+
+#[test]
+fn equal_checkpoints_are_equal_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = tiny_scene(&folder.path().join("scene"));
+    let config = config(&data, Some(3));
+    let run = RunFolder::create(&folder.path().join("run"), &config).unwrap();
+    train(&data, &run, &config, FakeEngine::new(&config), u64::MAX, &mut Vec::new()).unwrap();
+    let zeros = Parameters::zeros(config.field().unwrap()).unwrap();
+    let checkpoint = Checkpoint::load(&run.checkpoint(), zeros).unwrap().unwrap();
+    // Each time a map in random order would come in another.
+    for copy in 0..8 {
+        let path = folder.path().join(copy.to_string());
+        checkpoint.save(&path).unwrap();
+        assert!(fs::read(path).unwrap() == fs::read(run.checkpoint()).unwrap());
+    }
 }
 
 #[test]

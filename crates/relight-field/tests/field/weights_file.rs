@@ -75,6 +75,27 @@ fn every_variant_survives() {
 }
 
 #[test]
+fn equal_fields_are_equal_files() {
+    let first = bytes();
+    let header = u64::from_le_bytes(*first.first_chunk().unwrap());
+    assert!(header.is_multiple_of(8), "tensors are aligned");
+    // Each time a map in random order would come in another.
+    for _ in 0..8 {
+        assert!(bytes() == first);
+    }
+}
+
+#[test]
+fn a_folder_is_no_file_and_nothing_is_left_in_it() {
+    let (folder, _) = place();
+    let message = save(&parameters(), folder.path()).unwrap_err().to_string();
+    assert!(message.contains("is a folder"), "{message}");
+    assert!(save(&parameters(), &folder.path().join("none").join("w.safetensors")).is_err());
+    assert!(save(&parameters(), &folder.path().join(".")).is_err());
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[test]
 fn metadata_is_as_documented() {
     let valid = bytes();
     let (_, header) = safetensors::SafeTensors::read_metadata(&valid).unwrap();
