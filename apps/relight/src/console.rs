@@ -107,7 +107,7 @@ impl Progress {
     }
 }
 
-/// A flag that the first Ctrl-C (or SIGTERM) sets; the second ends the program at once.
+/// A flag that the first Ctrl-C (SIGTERM and SIGHUP too) sets; the second ends the program at once.
 pub fn cancel_flag() -> anyhow::Result<&'static AtomicBool> {
     static FLAG: AtomicBool = AtomicBool::new(false);
     static HANDLER: OnceLock<()> = OnceLock::new();
