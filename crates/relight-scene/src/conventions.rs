@@ -1,4 +1,4 @@
-//! Whether poses follow the conventions that they should: to-world, OpenCV's camera axes, metres.
+//! Whether poses follow the conventions that they should: to-world, the camera axes of their layout, metres.
 //!
 //! A capture looks at one thing. If the rays through the images' middles meet ahead of the cameras once the poses are
 //! inverted, or their axes flipped, and not as they stand, then inverted or flipped is what they are.
@@ -9,6 +9,7 @@ use crate::camera::Camera;
 use crate::error::{FaultKind, Faults};
 use crate::focus::{Sight, focus, nearest_point};
 use crate::pose::Pose;
+use crate::reading::Reading;
 use crate::scene::{Layout, Scene};
 use crate::vector::{Vector, angle, mean, median, norm, sub};
 
@@ -28,53 +29,31 @@ const FARTHER: f64 = 50.0;
 /// Nearer to the focus than this share of the cameras' distance, a light stands in the scene.
 const INSIDE: f64 = 0.2;
 
-const CAMERA_MEND: &str =
-    "Camera poses are camera-to-world matrices in metres, with OpenCV's axes (+X right, +Y down, +Z forward)";
+/// Farther than this from the world's origin, metres, and single precision no longer tells tenths of a millimetre apart.
+const REMOTE: f64 = 1000.0;
 
-/// How a pose might have been meant.
-#[derive(Clone, Copy, PartialEq)]
-enum Reading {
-    AsIs,
-    Flipped,
-    Inverted,
-    InvertedFlipped,
-}
-
-impl Reading {
-    const OTHERS: [Reading; 3] = [Reading::Flipped, Reading::Inverted, Reading::InvertedFlipped];
-
-    fn apply(self, pose: &Pose) -> Pose {
-        match self {
-            Reading::AsIs => *pose,
-            Reading::Flipped => pose.flip_camera_axes(),
-            Reading::Inverted => pose.inverse(),
-            // A world-to-camera matrix of OpenGL's axes has its rows flipped.
-            Reading::InvertedFlipped => pose.inverse().flip_camera_axes(),
-        }
-    }
-
-    /// What poses that must be read so look like, and the mend.
-    fn words(self) -> (&'static str, &'static str) {
-        match self {
-            Reading::AsIs => ("as they should be", ""),
-            Reading::Flipped => {
-                ("of OpenGL's axes (+Y up, looking along -Z)", "negate the second and third column")
-            }
-            Reading::Inverted => ("world-to-camera", "invert it"),
-            Reading::InvertedFlipped => {
-                ("world-to-camera of OpenGL's axes", "invert it, then negate the second and third column")
-            }
-        }
-    }
-}
-
-/// Adds what looks wrong about a scene's poses to the faults. `light_files` name for each light the file that places it.
-pub(crate) fn check(scene: &Scene, light_files: &[PathBuf], faults: &mut Faults) {
+/// Adds what looks wrong about a scene's poses to the faults. The files are, for each camera and each light, the one that
+/// places it.
+pub(crate) fn check(scene: &Scene, camera_files: &[PathBuf], light_files: &[PathBuf], faults: &mut Faults) {
     let target = focus(&scene.cameras, &scene.lights);
-    let camera_files = pose_files(scene);
-    if check_all_cameras(scene, &camera_files, faults) {
-        check_each_camera(scene, target, &camera_files, faults);
+    if check_all_cameras(scene, camera_files, faults) {
+        check_origin(scene, target, faults);
+        check_each_camera(scene, target, camera_files, faults);
         check_lights(scene, target, light_files, faults);
+    }
+}
+
+/// Poses in a survey's coordinates.
+fn check_origin(scene: &Scene, target: Vector, faults: &mut Faults) {
+    let distance = norm(target);
+    if distance > REMOTE {
+        let step = 1e3 * distance * f64::from(f32::EPSILON);
+        let problem = format!(
+            "the scene lies {distance:.0} m from the world's origin: positions there lose precision, to steps of {step:.1} mm"
+        );
+        let mend =
+            "Move the world's origin to the scene: take one offset from all camera and light positions.";
+        faults.warning(FaultKind::Convention, &scene.root, problem, mend);
     }
 }
 
@@ -97,8 +76,9 @@ fn meeting(sights: &[Sight]) -> Meeting {
     }
 }
 
-fn camera_sight(camera: &Camera, reading: Reading) -> Sight {
-    Sight::of(&Camera { pose: reading.apply(&camera.pose), ..camera.clone() })
+/// What a camera sees at its image's middle if its file, of the layout that `right` reads, is read otherwise.
+fn camera_sight(camera: &Camera, right: Reading, reading: Reading) -> Sight {
+    Sight::of(&Camera { pose: reading.pose(&right.matrix(&camera.pose)), ..camera.clone() })
 }
 
 fn light_sight(pose: &Pose) -> Sight {
@@ -114,38 +94,35 @@ fn check_all_cameras(scene: &Scene, files: &[PathBuf], faults: &mut Faults) -> b
     if scene.cameras.len() < FEW {
         return true;
     }
+    let right = Reading::of(scene.layout);
     let read = |reading| {
-        meeting(&scene.cameras.iter().map(|camera| camera_sight(camera, reading)).collect::<Vec<_>>())
+        let sights = scene.cameras.iter().map(|camera| camera_sight(camera, right, reading));
+        meeting(&sights.collect::<Vec<_>>())
     };
-    let as_is = read(Reading::AsIs);
-    for reading in Reading::OTHERS {
-        let other = read(reading);
+    let as_is = read(right);
+    let others = right.others();
+    let axes = others[0];
+    // Few inverted cameras may seem to meet once their axes are flipped as well, only less well.
+    let likelier = others.into_iter().map(|reading| (reading, read(reading))).filter(|(reading, other)| {
         // Inverting good poses puts the cameras on a heap, where their axes may well meet.
-        let unfolds = reading == Reading::Flipped || other.spread > 2.0 * as_is.spread;
-        if other.miss < ON_TARGET && 3.0 * other.miss < as_is.miss && unfolds {
-            let (kind, cure) = reading.words();
-            let problem =
-                format!("the camera poses look {kind}: only so do the cameras look at a common point");
-            let mend = format!(
-                "{CAMERA_MEND}: {}.",
-                cure.replace("it,", "each,").replace("invert it", "invert each")
-            );
-            // Cameras that look outward, from inside a room, also look away from their common point; but upright.
-            let ups = scene.cameras.iter().filter(|camera| camera.pose.axis(1)[2] <= 0.0).count();
-            if reading == Reading::Flipped && 2 * ups > scene.cameras.len() {
-                faults.warning(
-                    FaultKind::Convention,
-                    &files[0],
-                    "the cameras look away from their common point",
-                    &mend,
-                );
-                return true;
-            }
-            faults.error(FaultKind::Convention, &files[0], problem, &mend);
-            return false;
-        }
+        let unfolds = *reading == axes || other.spread > 2.0 * as_is.spread;
+        other.miss < ON_TARGET && 3.0 * other.miss < as_is.miss && unfolds
+    });
+    let Some((reading, _)) = likelier.min_by(|(_, a), (_, b)| a.miss.total_cmp(&b.miss)) else { return true };
+    let mend = format!("{}; for each of them: {}.", right.rule(), reading.mend(right));
+    // Cameras that look outward, from inside a room, also look away from their common point; but upright.
+    let ups = scene.cameras.iter().filter(|camera| camera.pose.axis(1)[2] <= 0.0).count();
+    if reading == axes && 2 * ups > scene.cameras.len() {
+        let problem = "the cameras look away from their common point";
+        faults.warning(FaultKind::Convention, &files[0], problem, &mend);
+        return true;
     }
-    true
+    let problem = format!(
+        "the camera poses look {}: only so do the cameras look at a common point",
+        reading.unlike(right)
+    );
+    faults.error(FaultKind::Convention, &files[0], problem, &mend);
+    false
 }
 
 /// Cameras that differ from the others.
@@ -161,51 +138,53 @@ fn check_each_camera(scene: &Scene, target: Vector, files: &[PathBuf], faults: &
     if scene.cameras.len() < FEW {
         return;
     }
-    for (camera, path) in scene.cameras.iter().zip(files) {
+    let right = Reading::of(scene.layout);
+    for (index, (camera, path)) in scene.cameras.iter().zip(files).enumerate() {
+        let name = camera_name(scene, index);
         if distance(&camera.pose) > FARTHER * usual {
             let problem = format!(
-                "the camera stands {:.3} m from the scene, the others about {usual:.3} m",
+                "{name} stands {:.3} m from the scene, the others about {usual:.3} m",
                 distance(&camera.pose)
             );
             let mend = "Poses are in metres: this one looks like millimetres.";
             faults.error(FaultKind::Convention, path, problem, mend);
             continue;
         }
-        let off = |reading| miss(&camera_sight(camera, reading), target);
-        let as_is = off(Reading::AsIs);
+        let sight = |reading| camera_sight(camera, right, reading);
+        let off = |reading| miss(&sight(reading), target);
+        let as_is = off(right);
         if as_is < OFF_TARGET {
             continue;
         }
-        let meant = Reading::OTHERS.into_iter().find(|reading| {
-            let pose = reading.apply(&camera.pose);
-            off(*reading) < ON_TARGET && (0.5..2.0).contains(&(distance(&pose) / usual))
+        let likely = right.others().into_iter().filter(|&reading| {
+            let share = norm(sub(target, sight(reading).origin)) / usual;
+            off(reading) < ON_TARGET && (0.5..2.0).contains(&share)
         });
+        let meant = likely.min_by(|&a, &b| off(a).total_cmp(&off(b)));
         let degrees = as_is.to_degrees();
         if let Some(reading) = meant {
-            let (kind, cure) = reading.words();
-            let problem = format!("the camera looks {degrees:.0} degrees away from what all others look at");
-            let mend = format!("{CAMERA_MEND}; this one looks {kind}: {cure}.");
+            let problem = format!("{name} looks {degrees:.0} degrees away from what all others look at");
+            let (rule, kind) = (right.rule(), reading.unlike(right));
+            let mend = format!("{rule}; this one looks {kind}: {}.", reading.mend(right));
             faults.error(FaultKind::Convention, path, problem, &mend);
         } else {
-            let problem = format!("the camera looks {degrees:.0} degrees away from what the others look at");
-            let mend = format!("{CAMERA_MEND}: check this one, unless it is meant.");
+            let problem = format!("{name} looks {degrees:.0} degrees away from what the others look at");
+            let mend = format!("{}: check this one, unless it is meant.", right.rule());
             faults.warning(FaultKind::Convention, path, problem, &mend);
         }
     }
 }
 
-/// For each camera the file that places it: its first frame's.
-fn pose_files(scene: &Scene) -> Vec<PathBuf> {
-    let mut files = vec![None; scene.cameras.len()];
-    for frame in &scene.frames {
-        files[frame.camera].get_or_insert_with(|| match scene.layout {
-            Layout::Rene => {
-                frame.path.with_file_name(format!("{:05}_pose.txt", scene.cameras[frame.camera].label))
-            }
-            Layout::Transforms => frame.path.clone(),
-        });
+/// A camera in words: a file that places one needs no more to say which, another says it by the first frame.
+fn camera_name(scene: &Scene, camera: usize) -> String {
+    let first = scene.frames.iter().find(|frame| frame.camera == camera);
+    match first.filter(|_| scene.layout == Layout::Transforms) {
+        Some(frame) => {
+            let path = frame.path.strip_prefix(&scene.root).unwrap_or(&frame.path);
+            format!("the camera of frame {}", path.display())
+        }
+        None => "the camera".to_owned(),
     }
-    files.into_iter().map(|file| file.unwrap_or_else(|| scene.root.clone())).collect()
 }
 
 fn check_lights(scene: &Scene, target: Vector, files: &[PathBuf], faults: &mut Faults) {

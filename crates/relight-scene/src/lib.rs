@@ -21,6 +21,7 @@ mod info;
 mod light;
 mod pixel_store;
 mod pose;
+mod reading;
 mod scene;
 mod sheet;
 mod splits;

@@ -17,8 +17,8 @@ use crate::scene::Scene;
 pub(crate) fn read(path: &Path) -> (Option<Scene>, Faults) {
     let mut faults = Faults::default();
     let found = read_into(path, &mut faults);
-    let scene = found.map(|Found { scene, light_files }| {
-        conventions::check(&scene, &light_files, &mut faults);
+    let scene = found.map(|Found { scene, camera_files, light_files }| {
+        conventions::check(&scene, &camera_files, &light_files, &mut faults);
         scene
     });
     (scene, faults)
@@ -27,6 +27,8 @@ pub(crate) fn read(path: &Path) -> (Option<Scene>, Faults) {
 /// A scene, and where it was found.
 struct Found {
     scene: Scene,
+    /// For each camera the file that places it.
+    camera_files: Vec<PathBuf>,
     /// For each light the file that places it.
     light_files: Vec<PathBuf>,
 }

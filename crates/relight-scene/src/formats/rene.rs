@@ -183,7 +183,8 @@ fn assemble(root: &Path, folders: &[LightFolder], faults: &mut Faults) -> Option
     let name = super::name_of(root);
     let scene =
         Scene { name, root: root.to_owned(), layout: Layout::Rene, cameras, lights, frames, declared: None };
-    Some(Found { scene, light_files })
+    let camera_files = poses.values().map(|(path, _)| path.to_path_buf()).collect();
+    Some(Found { scene, camera_files, light_files })
 }
 
 /// Numbers left out: a light or a view that was not fetched, perhaps.

@@ -21,6 +21,7 @@ use crate::frame::Frame;
 use crate::image_file::{EXTENSIONS, read_size};
 use crate::light::Light;
 use crate::pose::Pose;
+use crate::reading::Reading;
 use crate::scene::{Layout, Scene};
 use crate::splits::{Split, Splits};
 
@@ -120,7 +121,7 @@ pub(super) fn read(root: &Path, found: &[(PathBuf, Option<Split>)], faults: &mut
         frames: reader.frames,
         declared,
     };
-    Some(Found { scene, light_files: reader.light_files })
+    Some(Found { scene, camera_files: reader.camera_files, light_files: reader.light_files })
 }
 
 fn parse_file(path: &Path) -> Result<File, SceneError> {
@@ -146,6 +147,7 @@ struct Reader {
     root: PathBuf,
     cameras: Vec<Camera>,
     camera_index: HashMap<Vec<u64>, usize>,
+    camera_files: Vec<PathBuf>,
     lights: Vec<Light>,
     light_index: HashMap<[u64; 3], usize>,
     light_files: Vec<PathBuf>,
@@ -171,7 +173,7 @@ impl Reader {
             else {
                 continue;
             };
-            let camera = self.camera(intrinsics, pose);
+            let camera = self.camera(intrinsics, pose, path);
             let light = self.light(position, path);
             if let Some(other) = self.pairs.insert((camera, light), image.clone()) {
                 let problem = format!("shows the same view under the same light as {}", other.display());
@@ -209,7 +211,7 @@ impl Reader {
             );
         };
         let pose = match Pose::from_matrix(&matrix) {
-            Ok(pose) => pose.flip_camera_axes(),
+            Ok(matrix) => Reading::of(Layout::Transforms).pose(&matrix),
             Err(problem) => {
                 return fault(
                     FaultKind::Pose,
@@ -267,7 +269,7 @@ impl Reader {
         })
     }
 
-    fn camera(&mut self, intrinsics: Intrinsics, pose: Pose) -> usize {
+    fn camera(&mut self, intrinsics: Intrinsics, pose: Pose, file: &Path) -> usize {
         let Intrinsics { width, height, fx, fy, cx, cy, distortion } = &intrinsics;
         let numbers = [fx, fy, cx, cy].into_iter().chain(distortion).chain(pose.0.iter().flatten());
         let size = [u64::from(*width), u64::from(*height)];
@@ -275,6 +277,7 @@ impl Reader {
         let label = self.cameras.len();
         *self.camera_index.entry(key).or_insert_with(|| {
             self.cameras.push(Camera { label, intrinsics, pose });
+            self.camera_files.push(file.to_owned());
             label
         })
     }

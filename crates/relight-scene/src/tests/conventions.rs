@@ -1,7 +1,7 @@
 use std::path::Path;
 
-use super::{Rig, SMALL, fault, lset, matrix_text, pose_path, replace};
-use crate::{Fault, FaultKind, Pose, Scene, Severity, check};
+use super::{Rig, SMALL, fault, lset, matrix_text, mended, pose_path, replace};
+use crate::{Fault, FaultKind, Pose, Scene, SceneError, Severity, check};
 
 const RIG: Rig = Rig { views: 12, lights: 8, width: 8, height: 6 };
 
@@ -43,9 +43,9 @@ fn good_poses_raise_nothing() {
 fn conventions_of_all_cameras_are_recognised() {
     type Change = fn(&Pose) -> Pose;
     let cases: [(Change, &str); 3] = [
-        (Pose::inverse, "world-to-camera"),
-        (Pose::flip_camera_axes, "OpenGL"),
-        (|pose| pose.flip_camera_axes().inverse(), "world-to-camera of OpenGL"),
+        (Pose::inverse, "look world-to-camera:"),
+        (Pose::flip_camera_axes, "look of OpenGL"),
+        (|pose| pose.flip_camera_axes().inverse(), "look world-to-camera of OpenGL"),
     ];
     for (change, says) in cases {
         let folder = RIG.write();
@@ -54,7 +54,55 @@ fn conventions_of_all_cameras_are_recognised() {
         assert_eq!(fault.kind, FaultKind::Convention);
         assert!(fault.to_string().contains(says), "{says}: {fault}");
         assert!(fault.path.ends_with("00000_pose.txt"));
+        rewrite_cameras(folder.path(), RIG, |_| true, |pose| mended(&change(pose), &fault.mend));
+        assert_eq!(check(folder.path(), &|_, _| {}).faults, [], "{says}: the mend mends");
     }
+}
+
+#[test]
+fn few_cameras_tell_what_they_are() {
+    type Change = fn(&Pose) -> Pose;
+    let changes: [Change; 3] =
+        [Pose::inverse, Pose::flip_camera_axes, |pose| pose.flip_camera_axes().inverse()];
+    let mut told = 0;
+    for views in [6, 8, 12, 20] {
+        for first in 0..6 {
+            // Every third to every eighth camera of a larger rig.
+            let rig = Rig { views: 50, lights: 4, width: 8, height: 6 };
+            let chosen: Vec<Pose> =
+                (0..views).map(|view| rig.camera((first + view * (3 + first)) % rig.views)).collect();
+            for change in changes {
+                let folder = tempfile::tempdir().unwrap();
+                let rig = Rig { views, ..rig };
+                rig.write_to(folder.path());
+                let rewrite = |poses: &dyn Fn(&Pose) -> Pose| {
+                    for light in 0..rig.lights {
+                        for (view, pose) in chosen.iter().enumerate() {
+                            replace(&pose_path(folder.path(), light, view), matrix_text(&poses(pose)));
+                        }
+                    }
+                };
+                rewrite(&change);
+                let Err(SceneError::Fault(fault)) = Scene::open(folder.path()) else { continue };
+                told += 1;
+                rewrite(&|pose| mended(&change(pose), &fault.mend));
+                let report = check(folder.path(), &|_, _| {});
+                assert!(report.is_usable(), "{views} from {first}: {fault} {:?}", report.faults);
+            }
+        }
+    }
+    assert!(told > 65, "of 72 wrong captures {told} were noticed");
+}
+
+#[test]
+fn scenes_far_from_the_origin_are_warned_of() {
+    let far = |pose: &Pose| Pose(pose.0.map(|[a, b, c, t]| [a, b, c, t + 3000.0]));
+    let folder = RIG.write();
+    rewrite_cameras(folder.path(), RIG, |_| true, far);
+    rewrite_lights(folder.path(), RIG, |_| true, far);
+    let warnings = warnings(folder.path());
+    assert_eq!(warnings.len(), 1, "{warnings:?}");
+    assert!(warnings[0].problem.contains("5196 m from the world's origin"), "{}", warnings[0]);
 }
 
 #[test]

@@ -143,6 +143,12 @@ pub(crate) fn matrix_text(pose: &Pose) -> String {
     rows(pose).map(|row| row.map(|v| format!("{v:.18e}")).join(" ")).join("\n") + "\n"
 }
 
+/// A matrix after what a mend says has been done to it.
+pub(crate) fn mended(matrix: &Pose, mend: &str) -> Pose {
+    let inverted = if mend.contains("invert it") { matrix.inverse() } else { *matrix };
+    if mend.contains("negate its second and third column") { inverted.flip_camera_axes() } else { inverted }
+}
+
 /// The fault in an error.
 pub(crate) fn fault<T>(result: Result<T, SceneError>) -> crate::Fault {
     match result {

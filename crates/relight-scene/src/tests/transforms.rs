@@ -4,7 +4,7 @@ use std::path::Path;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use super::{Rig, fault, from_angles, rows};
+use super::{Rig, fault, from_angles, mended, rows};
 use crate::vector::{angle, norm, sub};
 use crate::{FaultKind, Layout, Pose, Scene, Severity, Splits, check, scene_bounds};
 
@@ -186,12 +186,36 @@ fn faults_name_the_frame() {
 }
 
 #[test]
-fn poses_already_of_opencv_axes_are_noticed() {
-    let (root, mut file) = blender(12);
-    for index in 0..12 {
-        file["frames"][index]["transform_matrix"] = json!(rows(&camera(index)));
+fn conventions_are_those_of_the_file_and_the_mend_mends() {
+    type Written = fn(&Pose) -> Pose;
+    let cases: [(Written, &str); 3] = [
+        (|pose| *pose, "look of OpenCV's axes"),
+        (|pose| pose.flip_camera_axes().inverse(), "look world-to-camera:"),
+        (Pose::inverse, "look world-to-camera of OpenCV's axes"),
+    ];
+    let of_all = |written: &dyn Fn(&Pose) -> Pose, which: &dyn Fn(usize) -> bool| {
+        let (root, mut file) = blender(12);
+        for index in (0..12).filter(|&index| which(index)) {
+            file["frames"][index]["transform_matrix"] = json!(rows(&written(&camera(index))));
+        }
+        let opened = open(&root, &file);
+        (root, opened)
+    };
+    for (written, says) in cases {
+        let (root, opened) = of_all(&written, &|_| true);
+        let all = fault(opened);
+        assert_eq!((all.kind, &all.path), (FaultKind::Convention, &root.path().join("transforms.json")));
+        assert!(all.problem.contains(says) && all.mend.contains("OpenGL's axes"), "{says}: {all}");
+        let (root, _) = of_all(&|pose| mended(&written(pose), &all.mend), &|_| true);
+        assert_eq!(check(root.path(), &|_, _| {}).count(Severity::Error), 0, "{all}");
+
+        let (root, opened) = of_all(&written, &|index| index == 7);
+        let one = fault(opened);
+        assert_eq!((one.kind, &one.path), (FaultKind::Convention, &root.path().join("transforms.json")));
+        assert!(one.problem.contains("train/r_7.png"), "{one}");
+        let (root, _) = of_all(&|pose| mended(&written(pose), &one.mend), &|index| index == 7);
+        assert_eq!(check(root.path(), &|_, _| {}).count(Severity::Error), 0, "{one}");
     }
-    assert_eq!(fault(open(&root, &file)).kind, FaultKind::Convention);
 }
 
 #[test]
