@@ -25,8 +25,12 @@ pub(crate) fn plain_file_length(path: &Path) -> Result<u64, SceneError> {
     Ok(metadata.len())
 }
 
-/// All bytes of a plain file of at most `limit` bytes.
-pub(crate) fn read_bytes(path: &Path, limit: u64) -> Result<Vec<u8>, SceneError> {
+/// Reads a file of at most `limit` bytes, whatever the path may name: for files that come from elsewhere.
+///
+/// # Errors
+/// [`SceneError::Fault`] that names the file, if it is no regular file (a read from a pipe or a device may never end), is
+/// longer or cannot be read.
+pub fn read_bytes(path: &Path, limit: u64) -> Result<Vec<u8>, SceneError> {
     let length = plain_file_length(path)?;
     let too_long = || {
         let problem = format!("is longer than the {limit} bytes that such a file can need");
@@ -41,11 +45,10 @@ pub(crate) fn read_bytes(path: &Path, limit: u64) -> Result<Vec<u8>, SceneError>
     if bytes.len() as u64 > limit { Err(too_long()) } else { Ok(bytes) }
 }
 
-/// Reads a text file of at most `limit` bytes, whatever the path may name: for files that come from elsewhere.
+/// Reads a text file, as [`read_bytes`] does.
 ///
 /// # Errors
-/// [`SceneError::Fault`] that names the file, if it is no regular file (a read from a pipe or a device may never end), is
-/// longer, is not UTF-8 or cannot be read.
+/// As [`read_bytes`]; also if it is not UTF-8.
 pub fn read_text(path: &Path, limit: u64) -> Result<String, SceneError> {
     String::from_utf8(read_bytes(path, limit)?).map_err(|_| {
         SceneError::fault(FaultKind::Malformed, path, "is not text", "Put the right file in its place.")

@@ -31,7 +31,7 @@ pub use bounds::{Bounds, scene_bounds};
 pub use camera::{Camera, Intrinsics};
 pub use check::{Report, check};
 pub use error::{Fault, FaultKind, SceneError, Severity};
-pub use files::{UNFINISHED, read_text, write_whole};
+pub use files::{UNFINISHED, read_bytes, read_text, write_whole};
 pub use frame::Frame;
 pub use image_file::{Image, read_image};
 pub use info::{SceneInfo, SplitCounts};

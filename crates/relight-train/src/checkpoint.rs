@@ -3,13 +3,13 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::fs;
 use std::io::Write;
 use std::path::Path;
 
 use relight_field::engine::{EngineState, StateTensor};
 use relight_field::parameters::Parameters;
 use relight_field::tensor_file;
+use relight_scene::read_bytes;
 use safetensors::{Dtype, SafeTensors, View};
 use serde::{Deserialize, Serialize};
 
@@ -18,6 +18,9 @@ use crate::run::write_whole;
 
 /// Format and version of the file, under `format` in its metadata.
 const FORMAT: &str = "relight-checkpoint-1";
+/// Longest file, bytes: this many times the weights, whose moments and counters an engine keeps, and this much besides.
+const TIMES_WEIGHTS: usize = 16;
+const BESIDES: usize = 1 << 26;
 /// Before the names of the engine's arrays.
 const STATE: &str = "state.";
 
@@ -135,13 +138,13 @@ impl Checkpoint {
     /// Reads the checkpoint at `path` of a field like `parameters`; `None` if there is none.
     ///
     /// # Errors
-    /// [`TrainError::Run`] if it is not a checkpoint of that field; [`TrainError::Io`] if it cannot be read.
+    /// [`TrainError::Run`] if it is not a checkpoint of that field; [`TrainError::Scene`] if it cannot be read.
     pub fn load(path: &Path, mut parameters: Parameters) -> Result<Option<Self>, TrainError> {
-        let bytes = match fs::read(path) {
-            Ok(bytes) => bytes,
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-            Err(e) => return Err(TrainError::io(path)(e)),
-        };
+        if !path.exists() {
+            return Ok(None);
+        }
+        let weights: usize = parameters.tensors().iter().map(|(_, _, values)| size_of_val(*values)).sum();
+        let bytes = read_bytes(path, (TIMES_WEIGHTS * weights + BESIDES) as u64)?;
         let broken = |problem: String| {
             TrainError::run(
                 path,

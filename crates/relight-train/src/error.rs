@@ -51,8 +51,13 @@ pub enum TrainError {
     },
     /// A loss or gradient was not finite.
     #[error(
-        "step {step}: {what} is not finite; training stopped. The last good checkpoint and the best weights are kept \
-         in {}; a lower learning rate or tighter bounds usually mend this",
+        "step {step}: {what} is not finite; training stopped. {} {}; a lower learning rate or tighter bounds usually \
+         mend this",
+        if *kept {
+            "The last good checkpoint and the best weights are kept in"
+        } else {
+            "There was no checkpoint yet, so nothing is kept in"
+        },
         run.display()
     )]
     NonFinite {
@@ -62,6 +67,8 @@ pub enum TrainError {
         what: String,
         /// The run's folder.
         run: PathBuf,
+        /// Whether it holds a checkpoint.
+        kept: bool,
     },
     /// The scene could not be read.
     #[error(transparent)]
@@ -76,8 +83,13 @@ pub enum TrainError {
     #[error(transparent)]
     Weights(#[from] WeightsError),
     /// A score could not be computed.
-    #[error(transparent)]
-    Metric(#[from] MetricError),
+    #[error("{}: {source}", path.display())]
+    Metric {
+        /// The ground truth.
+        path: PathBuf,
+        /// Why.
+        source: MetricError,
+    },
     /// A picture could not be drawn.
     #[error(transparent)]
     Render(#[from] RenderError),
@@ -88,6 +100,11 @@ impl TrainError {
     pub(crate) fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.to_owned();
         move |source| Self::Io { path, source }
+    }
+
+    /// Wraps a failed score with the ground truth it is about.
+    pub(crate) fn metric(path: &Path) -> impl Fn(MetricError) -> Self {
+        move |source| Self::Metric { path: path.to_owned(), source }
     }
 
     /// A fault of a run's file.

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use rayon::prelude::*;
 use relight_field::engine::Engine;
-use relight_metrics::{psnr, ssim};
+use relight_metrics::{MetricError, psnr, ssim};
 use relight_scene::{Image, PixelStore, Scene, Split, Splits};
 use serde::Serialize;
 
@@ -102,13 +102,14 @@ pub fn evaluate(
         let (camera, light) = (&scene.cameras[frame.camera], &scene.lights[frame.light]);
         let truth = scene.read_frame(index)?;
         let drawn = draw(engine, &camera.intrinsics, &camera.pose, &light.pose)?;
-        let scores = compare(&truth, &drawn)?;
+        let compare = |image| compare(&truth, image).map_err(TrainError::metric(&frame.path));
+        let scores = compare(&drawn)?;
         images.push(ImageScores { camera: camera.label, light: light.label, scores });
         if let Some(image) = mean_image.as_ref().filter(|i| same_size(i, &truth)) {
-            mean_scores.push(compare(&truth, image)?);
+            mean_scores.push(compare(image)?);
         }
         if let Some(image) = nearest.image(index)?.filter(|i| same_size(i, &truth)) {
-            nearest_scores.push(compare(&truth, &image)?);
+            nearest_scores.push(compare(&image)?);
         }
         let drawn = Drawn { frame: index, image: &drawn, done: done + 1, all: frames.len() };
         if seen(drawn)?.is_break() {
@@ -146,7 +147,7 @@ fn same_size(a: &Image, b: &Image) -> bool {
     (a.width, a.height) == (b.width, b.height)
 }
 
-fn compare(truth: &Image, image: &Image) -> Result<Scores, TrainError> {
+fn compare(truth: &Image, image: &Image) -> Result<Scores, MetricError> {
     Ok(Scores {
         psnr: psnr(&image.data, &truth.data)?,
         ssim: ssim(&image.data, &truth.data, truth.width, truth.height)?,

@@ -2,11 +2,11 @@
 //! [`Engine::guide`](relight_field::engine::Engine::guide).
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::io::Write;
 use std::path::Path;
 
 use relight_field::tensor_file;
+use relight_scene::read_bytes;
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensors};
 
@@ -15,6 +15,8 @@ use crate::run::write_whole;
 
 /// Format and version of the file, under `format` in its metadata.
 const FORMAT: &str = "relight-guide-1";
+/// A guide's longest length, bytes.
+const LONGEST: u64 = 1 << 28;
 /// The one array of the file.
 const GUIDE: &str = "guide";
 
@@ -36,13 +38,12 @@ pub(crate) fn save(guide: &[u8], path: &Path) -> Result<(), TrainError> {
 /// Reads the guide at `path`; `None` if there is none.
 ///
 /// # Errors
-/// [`TrainError::Run`] if it is no guide; [`TrainError::Io`] if it cannot be read.
+/// [`TrainError::Run`] if it is no guide; [`TrainError::Scene`] if it cannot be read.
 pub fn load(path: &Path) -> Result<Option<Vec<u8>>, TrainError> {
-    let bytes = match fs::read(path) {
-        Ok(bytes) => bytes,
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-        Err(e) => return Err(TrainError::io(path)(e)),
-    };
+    if !path.exists() {
+        return Ok(None);
+    }
+    let bytes = read_bytes(path, LONGEST)?;
     let broken = |problem: String| {
         let mend =
             "delete the file to draw from the weights alone, or resume the training, which writes it anew";
@@ -60,6 +61,8 @@ pub fn load(path: &Path) -> Result<Option<Vec<u8>>, TrainError> {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     #[test]

@@ -7,16 +7,17 @@
 //!     checkpoint/latest.safetensors    what is needed to continue
 //!     metrics.jsonl                    one line a report
 //!     previews/                        a validation picture now and then: ground truth | rendering
+//!     lock                             empty; locked by the training that is at work
 //! ```
 
-use std::fs;
-use std::io::Write;
+use std::fs::{self, File, TryLockError};
+use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use relight_field::architecture::{Architecture, VARIANTS};
 use relight_field::parameters::FieldConfig;
 use relight_field::sampling::EngineConfig;
-use relight_scene::{Bounds, Scene, Splits, UNFINISHED};
+use relight_scene::{Bounds, Scene, Splits, UNFINISHED, read_text};
 use serde::{Deserialize, Serialize};
 
 use crate::TrainError;
@@ -25,6 +26,9 @@ use crate::schedule::Budget;
 
 /// Format and version of `config.toml`.
 pub const FORMAT: &str = "relight-run-1";
+
+/// A configuration's longest length, bytes: those written have about 2 kB.
+const LONGEST_CONFIG: u64 = 1 << 20;
 
 /// All that is needed to repeat a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -59,20 +63,9 @@ impl RunConfig {
     /// The field to train.
     ///
     /// # Errors
-    /// [`TrainError::Recipe`] if the model is unknown; [`TrainError::Parameters`] if the field cannot be made.
+    /// As [`field_of`].
     pub fn field(&self) -> Result<FieldConfig, TrainError> {
-        let architecture = Architecture::named(&self.model).ok_or_else(|| {
-            let names = VARIANTS.map(|(name, _)| name).join(", ");
-            TrainError::Recipe(format!("unknown model \"{}\"; the models are {names}", self.model))
-        })?;
-        let field = FieldConfig {
-            architecture,
-            grid: self.recipe.grid,
-            bounds: self.bounds,
-            density_scale: self.recipe.density_scale as f32 / self.bounds.longest_edge(),
-        };
-        field.validate()?;
-        Ok(field)
+        field_of(&self.recipe, &self.model, self.bounds)
     }
 
     /// The engine to train it with.
@@ -83,6 +76,21 @@ impl RunConfig {
             seed: u64::from(self.seed),
         }
     }
+}
+
+/// The field that a recipe makes of a model in a box.
+///
+/// # Errors
+/// [`TrainError::Recipe`] if the model is unknown; [`TrainError::Parameters`] if the field cannot be made.
+pub fn field_of(recipe: &Recipe, model: &str, bounds: Bounds) -> Result<FieldConfig, TrainError> {
+    let architecture = Architecture::named(model).ok_or_else(|| {
+        let names = VARIANTS.map(|(name, _)| name).join(", ");
+        TrainError::Recipe(format!("unknown model \"{model}\"; the models are {names}"))
+    })?;
+    let density_scale = recipe.density_scale as f32 / bounds.longest_edge();
+    let field = FieldConfig { architecture, grid: recipe.grid, bounds, density_scale };
+    field.validate()?;
+    Ok(field)
 }
 
 /// A number that changes when any split of the scene changes, or where its cameras and lights stand: FNV-1a over the
@@ -118,57 +126,97 @@ pub fn splits_fingerprint(scene: &Scene, splits: &Splits) -> String {
 }
 
 /// What a training that failed before its first checkpoint leaves behind.
-const LEFT_BY_A_START: [&str; 4] = ["config.toml", "metrics.jsonl", "previews", "checkpoint"];
+const LEFT_BY_A_START: [&str; 5] = ["config.toml", "metrics.jsonl", "previews", "checkpoint", LOCK];
+/// The file that a training locks.
+const LOCK: &str = "lock";
 
 /// The folder of a run.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct RunFolder {
     root: PathBuf,
+    /// Held by the one that trains, until it is dropped; none for those that only read.
+    _lock: Option<File>,
 }
 
 impl RunFolder {
-    /// Starts a run in `root`, which must not exist, or be empty but for a run that never got anywhere.
+    /// Starts a run in `root`, which must be [vacant](Self::check_vacant), and keeps others from training there.
     ///
     /// # Errors
     /// [`TrainError::Run`] if something is there already; [`TrainError::Io`] if it cannot be written.
     pub fn create(root: &Path, config: &RunConfig) -> Result<Self, TrainError> {
+        Self::check_vacant(root)?;
+        fs::create_dir_all(root).map_err(TrainError::io(root))?;
+        let run = Self { root: root.to_owned(), _lock: Some(lock(root)?) };
+        // Another may have trained there from its first step to its last since.
+        Self::check_vacant(root)?;
+        run.write_config(config)?;
+        Ok(run)
+    }
+
+    /// Checks that a run can be started in `root`: that it does not exist, or is empty but for a run that never got
+    /// anywhere.
+    ///
+    /// # Errors
+    /// [`TrainError::Run`] if something is there already; [`TrainError::Io`] if it cannot be looked at.
+    pub fn check_vacant(root: &Path) -> Result<(), TrainError> {
         if Self::exists(root) {
             return Err(TrainError::run(
                 root,
                 "holds a run already: continue it with --resume, or choose another folder",
             ));
         }
-        fs::create_dir_all(root).map_err(TrainError::io(root))?;
-        for entry in fs::read_dir(root).map_err(TrainError::io(root))? {
+        let entries = match fs::read_dir(root) {
+            Ok(entries) => entries,
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
+            Err(error) if error.kind() == ErrorKind::NotADirectory => {
+                return Err(TrainError::run(
+                    root,
+                    "is a file, and a run needs a folder: choose another name",
+                ));
+            }
+            Err(error) => return Err(TrainError::io(root)(error)),
+        };
+        for entry in entries {
             let name = entry.map_err(TrainError::io(root))?.file_name();
             let name = name.to_string_lossy();
             if !name.ends_with(UNFINISHED) && !LEFT_BY_A_START.contains(&name.as_ref()) {
                 return Err(TrainError::run(root, "is not empty and holds no run: choose another folder"));
             }
         }
-        let run = Self { root: root.to_owned() };
-        run.write_config(config)?;
-        Ok(run)
+        Ok(())
     }
 
     /// Whether `root` holds a run that something was learnt in.
     pub fn exists(root: &Path) -> bool {
-        let run = Self { root: root.to_owned() };
+        let run = Self { root: root.to_owned(), _lock: None };
         run.config().is_file() && (run.checkpoint().is_file() || run.weights().is_file())
     }
 
-    /// Opens the run in `root`.
+    /// Opens the run in `root` to train it further, and keeps others from doing so.
     ///
     /// # Errors
-    /// [`TrainError::Run`] if there is none, or one of another version; [`TrainError::Io`] if it cannot be read.
+    /// As [`open`](Self::open); also [`TrainError::Run`] if another training is at work.
+    pub fn resume(root: &Path) -> Result<(Self, RunConfig), TrainError> {
+        let (run, config) = Self::open(root)?;
+        Ok((Self { _lock: Some(lock(root)?), ..run }, config))
+    }
+
+    /// Opens the run in `root` to read it.
+    ///
+    /// # Errors
+    /// [`TrainError::Run`] if there is none, or one of another version; [`TrainError::Scene`] if its configuration cannot
+    /// be read.
     pub fn open(root: &Path) -> Result<(Self, RunConfig), TrainError> {
         if !root.join("config.toml").is_file() {
             return Err(TrainError::run(root, "holds no run (no config.toml): train one with relight train"));
         }
-        let run = Self { root: root.to_owned() };
+        let run = Self { root: root.to_owned(), _lock: None };
         let path = run.config();
-        let text = fs::read_to_string(&path).map_err(TrainError::io(&path))?;
-        let table: toml::Table = toml::from_str(&text).map_err(|e| TrainError::run(&path, e.to_string()))?;
+        let text = read_text(&path, LONGEST_CONFIG)?;
+        let broken = |e: &dyn std::fmt::Display| {
+            TrainError::run(&path, format!("{e}. Mend the file, or train anew into another folder"))
+        };
+        let table: toml::Table = toml::from_str(&text).map_err(|e| broken(&e))?;
         match table.get("format").and_then(toml::Value::as_str) {
             Some(FORMAT) => {}
             Some(other) => {
@@ -178,8 +226,8 @@ impl RunFolder {
             }
             None => return Err(TrainError::run(&path, "has no format: not the configuration of a run")),
         }
-        let config: RunConfig = toml::from_str(&text).map_err(|e| TrainError::run(&path, e.to_string()))?;
-        config.recipe.validate().map_err(|e| TrainError::run(&path, e.to_string()))?;
+        let config: RunConfig = toml::from_str(&text).map_err(|e| broken(&e))?;
+        config.recipe.validate().map_err(|e| broken(&e))?;
         Ok((run, config))
     }
 
@@ -230,6 +278,25 @@ impl RunFolder {
     /// The preview of `step`.
     pub fn preview(&self, step: u64) -> PathBuf {
         self.previews().join(format!("{step:08}.png"))
+    }
+}
+
+/// Locks the folder of a run for as long as the file is open: also a kill gives it free.
+fn lock(root: &Path) -> Result<File, TrainError> {
+    let path = root.join(LOCK);
+    let file = File::create(&path).map_err(TrainError::io(&path))?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(TryLockError::WouldBlock) => {
+            let problem =
+                "another training is at work in this folder: wait for its end or stop it, or choose another";
+            Err(TrainError::run(root, problem))
+        }
+        // Some network file systems have no locks. That is no reason not to train there.
+        Err(TryLockError::Error(error)) => {
+            tracing::warn!("{}: cannot be locked ({error}): start no second training there", path.display());
+            Ok(file)
+        }
     }
 }
 

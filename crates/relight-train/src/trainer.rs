@@ -134,7 +134,13 @@ impl<'a> Trainer<'a> {
         let standing = match Checkpoint::load(&run.checkpoint(), engine.parameters()?)? {
             Some(checkpoint) => {
                 engine.restore(&checkpoint.parameters, &checkpoint.engine)?;
-                checkpoint.standing
+                if run.weights().is_file() {
+                    checkpoint.standing
+                } else {
+                    // The best weights are lost. The present ones stand in until a validation has found better.
+                    keep(run, engine.as_ref(), &checkpoint.parameters)?;
+                    Standing { best: None, ..checkpoint.standing }
+                }
             }
             None => {
                 if let Some(prior) = data.depths {
@@ -234,7 +240,12 @@ impl<'a> Trainer<'a> {
             depth_margin: recipe.depth_margin as f32 * self.config.bounds.longest_edge(),
             distortion_weight: recipe.distortion_weight.at(progress) as f32,
         };
-        let non_finite = |what: String| TrainError::NonFinite { step, what, run: self.run.root().to_owned() };
+        let non_finite = |what: String| TrainError::NonFinite {
+            step,
+            what,
+            run: self.run.root().to_owned(),
+            kept: self.run.checkpoint().is_file(),
+        };
         let stats = self.engine.train_step(batch, &settings).map_err(|e| match e {
             EngineError::NonFinite { what, .. } => non_finite(what),
             other => other.into(),
@@ -261,7 +272,7 @@ impl<'a> Trainer<'a> {
         score.preview.write_png(&self.run.preview(step))?;
         let best = self.standing.best.map_or(f64::NEG_INFINITY, |b| b.psnr);
         if score.psnr > best {
-            self.keep(&self.engine.parameters()?)?;
+            keep(self.run, self.engine.as_ref(), &self.engine.parameters()?)?;
             self.standing.best = Some(Best { step, psnr: score.psnr });
         }
         // Small gains add up: they are counted from the last that was large enough.
@@ -306,21 +317,21 @@ impl<'a> Trainer<'a> {
         Ok(report)
     }
 
-    /// Keeps weights to draw with. A guide of later weights, after a kill between the two files, still serves.
-    fn keep(&self, parameters: &Parameters) -> Result<(), TrainError> {
-        guide_file::save(&self.engine.guide(), &self.run.guide())?;
-        Ok(weights_file::save(parameters, &self.run.weights())?)
-    }
-
     /// Writes a checkpoint, and the present weights where no validation has chosen any yet.
     fn save(&mut self, observer: &mut dyn Observer) -> Result<(), TrainError> {
         let parameters = self.engine.parameters()?;
         if self.standing.best.is_none() {
-            self.keep(&parameters)?;
+            keep(self.run, self.engine.as_ref(), &parameters)?;
         }
         let checkpoint = Checkpoint { parameters, engine: self.engine.state()?, standing: self.standing };
         checkpoint.save(&self.run.checkpoint())?;
         observer.on_event(Event::Checkpoint { step: self.standing.step });
         Ok(())
     }
+}
+
+/// Keeps weights to draw with. A guide of later weights, after a kill between the two files, still serves.
+fn keep(run: &RunFolder, engine: &dyn Engine, parameters: &Parameters) -> Result<(), TrainError> {
+    guide_file::save(&engine.guide(), &run.guide())?;
+    Ok(weights_file::save(parameters, &run.weights())?)
 }

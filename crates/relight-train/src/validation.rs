@@ -68,11 +68,12 @@ impl<'a> Validation<'a> {
             let pose = &self.scene.cameras[frame.camera].pose;
             let light = &self.scene.lights[frame.light].pose;
             let drawn = draw(engine, intrinsics, pose, light)?;
-            total.0 += psnr(&drawn.data, &truth.data)?;
+            let failed = TrainError::metric(&frame.path);
+            total.0 += psnr(&drawn.data, &truth.data).map_err(&failed)?;
             let similarity = match ssim(&drawn.data, &truth.data, truth.width, truth.height) {
                 Ok(value) => Some(value),
                 Err(MetricError::TooSmall { .. }) => None,
-                Err(e) => return Err(e.into()),
+                Err(e) => return Err(failed(e)),
             };
             total.1 = total.1.zip(similarity).map(|(a, b)| a + b);
             preview.get_or_insert_with(|| side_by_side(truth, &drawn));

@@ -153,13 +153,67 @@ fn numbers_that_are_not_finite_are_reported_with_their_place_and_cost_nothing_ke
     let data = tiny_scene(&folder.path().join("scene"));
     let config = config(&data, Some(20));
     let run = RunFolder::create(&folder.path().join("run"), &config).unwrap();
+    let broken_at = |step| {
+        let mut engine = FakeEngine::new(&config);
+        engine.broken_at = Some(step);
+        engine
+    };
+    let error = train(&data, &run, &config, broken_at(2), u64::MAX, &mut Vec::new()).unwrap_err().to_string();
+    assert!(error.contains("step 2") && error.contains("nothing is kept"), "{error}");
+    assert!(!run.weights().exists() && !run.checkpoint().exists());
+
     train(&data, &run, &config, FakeEngine::new(&config), 9, &mut Vec::new()).unwrap();
     let kept = (fs::read(run.weights()).unwrap(), fs::read(run.checkpoint()).unwrap());
-    let mut broken = FakeEngine::new(&config);
-    broken.broken_at = Some(11);
-    let error = train(&data, &run, &config, broken, u64::MAX, &mut Vec::new()).unwrap_err().to_string();
+    let error =
+        train(&data, &run, &config, broken_at(11), u64::MAX, &mut Vec::new()).unwrap_err().to_string();
     assert!(error.contains("step 11") && error.contains("rgb layer 2"), "{error}");
+    assert!(error.contains("are kept"), "{error}");
     assert!((fs::read(run.weights()).unwrap(), fs::read(run.checkpoint()).unwrap()) == kept);
+}
+
+#[test]
+fn lost_weights_are_written_from_the_checkpoint() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = tiny_scene(&folder.path().join("scene"));
+    let config = config(&data, Some(10));
+    let run = RunFolder::create(&folder.path().join("run"), &config).unwrap();
+    train(&data, &run, &config, FakeEngine::new(&config), u64::MAX, &mut Vec::new()).unwrap();
+    fs::remove_file(run.weights()).unwrap();
+    // There is nothing left to train.
+    train(&data, &run, &config, FakeEngine::new(&config), u64::MAX, &mut Vec::new()).unwrap();
+    let zeros = Parameters::zeros(config.field().unwrap()).unwrap();
+    let checkpoint = Checkpoint::load(&run.checkpoint(), zeros).unwrap().unwrap();
+    assert!(weights(&run) == checkpoint.parameters);
+}
+
+#[test]
+fn one_training_at_a_time_works_in_a_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = tiny_scene(&folder.path().join("scene"));
+    let config = config(&data, Some(4));
+    let root = folder.path().join("run");
+    let first = RunFolder::create(&root, &config).unwrap();
+    let refused = |second: Result<RunFolder, TrainError>| {
+        let error = second.unwrap_err().to_string();
+        assert!(error.contains("run") && error.contains("another training"), "{error}");
+    };
+    refused(RunFolder::create(&root, &config));
+    train(&data, &first, &config, FakeEngine::new(&config), u64::MAX, &mut Vec::new()).unwrap();
+    refused(RunFolder::resume(&root).map(|(run, _)| run));
+    // Reading is free to all.
+    RunFolder::open(&root).unwrap();
+    drop(first);
+    RunFolder::resume(&root).unwrap();
+}
+
+#[test]
+fn a_run_needs_a_folder_of_its_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("file");
+    fs::write(&file, "something").unwrap();
+    assert!(RunFolder::check_vacant(&file).unwrap_err().to_string().contains("is a file"));
+    assert!(RunFolder::check_vacant(folder.path()).unwrap_err().to_string().contains("not empty"));
+    RunFolder::check_vacant(&folder.path().join("none")).unwrap();
 }
 
 #[test]
@@ -199,6 +253,9 @@ fn damaged_and_foreign_files_are_refused_by_name() {
     let mut other = config.clone();
     other.model = "v1".into();
     assert!(again(&run, &other).contains("another shape"));
+    // Longer than any checkpoint of this field, and sparse.
+    fs::File::create(run.checkpoint()).unwrap().set_len(1 << 40).unwrap();
+    assert!(again(&run, &config).contains("latest.safetensors: is longer than"));
 
     let text = fs::read_to_string(run.config()).unwrap();
     fs::write(run.config(), text.replace("relight-run-1", "relight-run-9")).unwrap();
