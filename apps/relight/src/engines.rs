@@ -1,6 +1,6 @@
 //! Which engine trains and draws.
 
-use anyhow::{Context, bail, ensure};
+use anyhow::{Context, ensure};
 use clap::ValueEnum;
 use relight_cpu::CpuEngine;
 use relight_field::engine::Engine;
@@ -40,12 +40,13 @@ pub fn create(
 /// The best weights of a run.
 pub fn weights(run: &RunFolder) -> anyhow::Result<Parameters> {
     let path = run.weights();
-    if !path.is_file() {
-        bail!(
-            "{}: missing: the run was stopped before its first validation; continue it with relight train … --resume",
-            path.display()
-        );
-    }
+    ensure!(
+        path.is_file(),
+        "{}: is missing; relight train SCENE --out {} --resume writes it from the run's checkpoint, or goes on to where \
+         there are weights",
+        path.display(),
+        run.root().display()
+    );
     Ok(weights_file::load(&path)?)
 }
 

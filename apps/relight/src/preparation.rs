@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
-use anyhow::ensure;
+use anyhow::{bail, ensure};
 use relight_field::parameters::Parameters;
 use relight_scene::{Bounds, PixelStore, Scene, Splits};
 use relight_stereo::{DepthPrior, StereoSettings};
@@ -12,7 +12,7 @@ use relight_train::recipe::Recipe;
 use relight_train::run::{RunConfig, RunFolder, splits_fingerprint};
 use relight_train::trainer::{Ending, Event, Outcome, Trainer, TrainingData};
 
-use crate::console::{Progress, cancel_flag, print_json};
+use crate::console::{Progress, cancel_flag, print_json, unless};
 use crate::engines::{self, Device};
 
 /// Share of the pixels whose depth stereo must know before its surfaces decide the box.
@@ -29,20 +29,15 @@ pub struct Prepared {
 }
 
 impl Prepared {
-    /// Opens the scene at `path` and loads its training images.
-    pub fn load(path: &Path, quiet: bool) -> anyhow::Result<Self> {
-        let scene = Scene::open(path)?;
-        let splits = Splits::of(&scene)?;
-        let bar = Progress::new("loading", splits.train.len() as u64, quiet);
-        let pixels = PixelStore::load(&scene, &splits.train, &|done, all| {
-            bar.update(done as u64, all as u64, || format!("{done} of {all} images"));
-        })?;
-        bar.finish(&format!("{}: {} training images", scene.name, splits.train.len()));
+    /// Loads the training images of a scene.
+    pub fn load(scene: Scene, splits: Splits, quiet: bool) -> anyhow::Result<Self> {
+        let pixels = load_pixels(&scene, &splits, quiet)?;
         Ok(Self { scene, splits, pixels, depths: None, seconds: 0.0 })
     }
 
-    /// Looks for surfaces in the box `search` by stereo, where the recipe wants it.
-    pub fn find_surfaces(&mut self, recipe: &Recipe, search: &Bounds) {
+    /// Looks for surfaces in the box `search` by stereo, where the recipe wants it. Fails if it is stopped meanwhile.
+    pub fn find_surfaces(&mut self, recipe: &Recipe, search: &Bounds) -> anyhow::Result<()> {
+        let cancel = cancel_flag()?;
         if recipe.stereo {
             let started = Instant::now();
             let settings = StereoSettings::default();
@@ -57,17 +52,35 @@ impl Prepared {
                 None => tracing::info!("too few views and lights for stereo"),
             }
         }
+        if unless(cancel).is_break() {
+            bail!("stopped before the first step of training");
+        }
+        Ok(())
     }
 
     /// The box of the surfaces that were found, if enough were.
     pub fn surface_bounds(&self) -> Option<Bounds> {
         self.depths.as_ref().filter(|prior| prior.coverage() >= TRUSTED).and_then(DepthPrior::bounds)
     }
+}
 
-    /// Checks that the scene's splits are those that a run was trained with.
-    pub fn check_splits(&self, config: &RunConfig) -> anyhow::Result<()> {
-        check_splits(&self.scene, &self.splits, config)
-    }
+/// Opens the scene at `path`, and finds its splits.
+pub fn open(path: &Path) -> anyhow::Result<(Scene, Splits)> {
+    let scene = Scene::open(path)?;
+    let splits = Splits::of(&scene)?;
+    Ok((scene, splits))
+}
+
+/// Loads the training images of a scene, until Ctrl-C.
+pub fn load_pixels(scene: &Scene, splits: &Splits, quiet: bool) -> anyhow::Result<PixelStore> {
+    let cancel = cancel_flag()?;
+    let bar = Progress::new("loading", splits.train.len() as u64, quiet);
+    let pixels = PixelStore::load(scene, &splits.train, &|done, all| {
+        bar.update(done as u64, all as u64, || format!("{done} of {all} images"));
+        unless(cancel)
+    })?;
+    bar.finish(&format!("{}: {} training images", scene.name, splits.train.len()));
+    Ok(pixels)
 }
 
 /// Checks that the splits of `scene` are those that a run was trained with.

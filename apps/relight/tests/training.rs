@@ -33,25 +33,24 @@ mod stopping {
 
     use super::*;
 
-    /// Starts a training of 600 steps and sends it `signal` once there is a checkpoint; its exit status and what it
-    /// said.
-    fn interrupted(shop: &Workshop, signal: &str) -> (Option<i32>, String) {
-        let mut child = shop
-            .command("train scene --out stopped --recipe recipe.toml --steps 600")
-            .stdout(Stdio::null())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let checkpoint = shop.path("stopped/checkpoint/latest.safetensors");
+    /// Starts a command and sends it `signal` once there is the file or folder `awaited`; its exit status and what it said.
+    fn signalled(shop: &Workshop, arguments: &str, awaited: &str, signal: &str) -> (Option<i32>, String) {
+        let mut child = shop.command(arguments).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
         let patience = Instant::now();
-        while !checkpoint.is_file() {
-            assert!(patience.elapsed() < Duration::from_secs(120), "no checkpoint");
+        while !shop.path(awaited).exists() {
+            assert!(patience.elapsed() < Duration::from_secs(120), "no {awaited}");
             std::thread::sleep(Duration::from_millis(2));
         }
         assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
         let mut said = String::new();
         std::io::Read::read_to_string(&mut child.stderr.take().unwrap(), &mut said).unwrap();
         (child.wait().unwrap().code(), said)
+    }
+
+    /// Stops a training of 600 steps once there is a checkpoint.
+    fn interrupted(shop: &Workshop, signal: &str) -> (Option<i32>, String) {
+        let arguments = "train scene --out stopped --recipe recipe.toml --steps 600";
+        signalled(shop, arguments, "stopped/checkpoint/latest.safetensors", signal)
     }
 
     fn resumed_equals_whole(shop: &Workshop) {
@@ -78,6 +77,15 @@ mod stopping {
         assert_eq!(status, Some(1), "{said}");
         assert!(said.contains("--resume"), "{said}");
         resumed_equals_whole(&shop);
+    }
+
+    #[test]
+    fn a_demo_that_is_stopped_before_it_learns_leaves_an_empty_folder() {
+        let shop = Workshop::new();
+        let (status, said) = signalled(&shop, "demo --out demo", "demo/scene/lset000", "-INT");
+        assert_eq!(status, Some(1), "{said}");
+        assert!(said.contains("stopped before"), "{said}");
+        assert_eq!(std::fs::read_dir(shop.path("demo")).unwrap().count(), 0);
     }
 
     #[test]

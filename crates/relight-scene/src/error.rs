@@ -101,6 +101,9 @@ pub enum SceneError {
     /// A split was asked for by a name that is none.
     #[error("there is no split {0:?}: the splits are train, val, easy and hard")]
     NoSuchSplit(String),
+    /// The caller's progress function asked to stop.
+    #[error("stopped before all images were loaded")]
+    Cancelled,
     /// There are too many training pixels for the memory and for the disk.
     #[error(
         "{bytes} bytes of training pixels are too many to be held in memory, and cannot be kept in a cache file either \

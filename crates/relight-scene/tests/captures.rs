@@ -1,6 +1,7 @@
 //! Tries the crate on real captures, which the repository does not hold: set RELIGHT_SCENES to a folder of ReNe scenes
 //! and run with `--ignored`.
 
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 use relight_scene::{PixelStore, Scene, SceneInfo, Splits, check, contact_sheet, scene_bounds};
@@ -25,7 +26,7 @@ fn captures_open_and_load() {
         assert_eq!(counts, [1628, 9, 111, 9]);
         for round in 0..2 {
             let start = std::time::Instant::now();
-            let store = PixelStore::load(&scene, &splits.train, &|_, _| {}).unwrap();
+            let store = PixelStore::load(&scene, &splits.train, &|_, _| ControlFlow::Continue(())).unwrap();
             println!("round {round}: {} views in {:?}", store.views(), start.elapsed());
             let frame = splits.train[700];
             let image = scene.read_frame(frame).unwrap();

@@ -4,6 +4,7 @@
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::fs;
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -68,7 +69,9 @@ fn memory_is_bounded() {
     let frames: Vec<usize> = (0..LIGHTS).collect();
     let pixels = LIGHTS * (3 * SIDE * SIDE) as usize;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
-    let held = pool.install(|| most_held(|| PixelStore::load(&scene, &frames, &|_, _| {}).unwrap()));
+    let held = pool.install(|| {
+        most_held(|| PixelStore::load(&scene, &frames, &|_, _| ControlFlow::Continue(())).unwrap())
+    });
     assert!(held > pixels, "the store itself is counted");
     assert!(2 * held < 5 * pixels, "the store and one view, and a few images: {held} of {pixels}");
 

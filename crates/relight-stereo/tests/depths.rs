@@ -4,6 +4,7 @@
 
 use std::f64::consts::TAU;
 use std::fs;
+use std::ops::ControlFlow;
 use std::path::Path;
 
 use relight_scene::{Bounds, Image, Intrinsics, PixelStore, Pose, Scene};
@@ -170,7 +171,7 @@ impl Rig {
         let scene = Scene::open(folder.path()).unwrap();
         let kept = |&f: &usize| !missing(scene.frames[f].camera, scene.frames[f].light);
         let frames: Vec<usize> = (0..scene.frames.len()).filter(kept).collect();
-        let store = PixelStore::load(&scene, &frames, &|_, _| {}).unwrap();
+        let store = PixelStore::load(&scene, &frames, &|_, _| ControlFlow::Continue(())).unwrap();
         (scene, store)
     }
 

@@ -3,6 +3,7 @@
 mod common;
 
 use std::collections::HashMap;
+use std::ops::ControlFlow;
 
 use relight_field::engine::RayBatch;
 use relight_scene::{PixelStore, scene_bounds};
@@ -111,7 +112,7 @@ fn a_view_with_one_light_shows_it_again() {
     frames.truncate(1);
     let kept = data.scene.frames[frames[0]].light as u32;
     frames.extend(rest);
-    let pixels = PixelStore::load(&data.scene, &frames, &|_, _| {}).unwrap();
+    let pixels = PixelStore::load(&data.scene, &frames, &|_, _| ControlFlow::Continue(())).unwrap();
     let sampler = BatchSampler::new(&data.scene, &pixels, None, 2000, 3, 0.0, 1).unwrap();
     let mut batch = RayBatch::default();
     sampler.fill(0, &mut batch);

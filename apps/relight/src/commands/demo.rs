@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{bail, ensure};
 use relight_field::engine::{Engine, Outputs, RenderSettings};
 use relight_render::{Film, Map, focus, paths, render};
-use relight_scene::{Image, PixelStore, Scene, Split, scene_bounds};
+use relight_scene::{Bounds, Image, PixelStore, Scene, Split, scene_bounds};
 use relight_train::Report;
 use relight_train::baselines::{NearestLight, mean_image};
 use relight_train::demo_scene::DemoScene;
@@ -21,7 +21,7 @@ use relight_train::trainer::Ending;
 
 use crate::console::{Progress, cancel_flag, print_line, unless};
 use crate::engines::{self, Device};
-use crate::preparation::{Prepared, train};
+use crate::preparation::{Prepared, open, train};
 use crate::report_page::ReportPage;
 
 /// The scene: small enough to train in a minute or two, large enough to see.
@@ -57,13 +57,14 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         "{}: exists and is not empty; remove it, or choose another folder with --out",
         out.display()
     );
-    let folder = out.join("scene");
-    SCENE.write(&folder)?;
-    let mut data = Prepared::load(&folder, quiet)?;
     // Validated often, for the curve on the page.
     let recipe = Recipe { epoch: Some(250), ..Recipe::fast() };
-    let search = scene_bounds(&data.scene);
-    data.find_surfaces(&recipe, &search);
+    let folder = out.join("scene");
+    let (data, search) = prepare(&folder, &recipe, quiet).inspect_err(|_| {
+        // Nothing has been learnt that is worth keeping, and the next demo wants an empty folder. What went wrong is told
+        // already.
+        let _ = fs::remove_dir_all(&folder);
+    })?;
     let config = RunConfig {
         format: FORMAT.to_owned(),
         scene: data.scene.root.canonicalize()?,
@@ -119,6 +120,18 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     print_line(&format!("report: {}", path.display()))?;
     Ok(())
+}
+
+/// Makes the scene in `folder` and looks at it; with the box that its cameras frame.
+fn prepare(folder: &Path, recipe: &Recipe, quiet: bool) -> anyhow::Result<(Prepared, Bounds)> {
+    // From here on Ctrl-C stops between two images.
+    cancel_flag()?;
+    SCENE.write(folder)?;
+    let (scene, splits) = open(folder)?;
+    let mut data = Prepared::load(scene, splits, quiet)?;
+    let search = scene_bounds(&data.scene);
+    data.find_surfaces(recipe, &search)?;
+    Ok((data, search))
 }
 
 /// A film of the first test view in which the light moves.

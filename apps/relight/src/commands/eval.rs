@@ -4,14 +4,14 @@ use std::fs;
 use std::path::PathBuf;
 
 use anyhow::bail;
-use relight_scene::{PixelStore, Scene, Split, Splits};
+use relight_scene::Split;
 use relight_train::TrainError;
 use relight_train::evaluation::{Drawn, Evaluation, Scores, evaluate};
 use relight_train::run::RunFolder;
 
 use crate::console::{Progress, cancel_flag, print_json, print_line, unless};
 use crate::engines;
-use crate::preparation::check_splits;
+use crate::preparation::{check_splits, load_pixels, open};
 
 /// Score a trained run on images that it has not seen.
 ///
@@ -42,18 +42,13 @@ pub struct Args {
 
 pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let (run, config) = RunFolder::open(&args.run)?;
-    let scene = Scene::open(args.scene.as_ref().unwrap_or(&config.scene))?;
-    let splits = Splits::of(&scene)?;
+    let (scene, splits) = open(args.scene.as_ref().unwrap_or(&config.scene))?;
     check_splits(&scene, &splits, &config)?;
     let engine = engines::of_run(&run, &config)?;
-    let bar = Progress::new("loading", splits.train.len() as u64, quiet);
-    let pixels = PixelStore::load(&scene, &splits.train, &|done, all| {
-        bar.update(done as u64, all as u64, || format!("{done} of {all} images"));
-    })?;
-    bar.finish(&format!("{}: {} training images", scene.name, splits.train.len()));
     if let Some(folder) = &args.images {
         fs::create_dir_all(folder).map_err(|source| TrainError::Io { path: folder.clone(), source })?;
     }
+    let pixels = load_pixels(&scene, &splits, quiet)?;
     let bar = Progress::new("scoring", splits.get(args.split).len() as u64, quiet);
     let cancel = cancel_flag()?;
     let result =

@@ -1,19 +1,23 @@
 //! `relight train`: from a scene to a field.
 
-use std::fs;
 use std::path::PathBuf;
 
-use anyhow::{Context, bail, ensure};
+use anyhow::{Context, bail};
 use clap::ValueEnum;
 use relight_field::architecture::VARIANTS;
-use relight_scene::{Bounds, scene_bounds};
+use relight_scene::{Bounds, read_text, scene_bounds};
 use relight_train::recipe::Recipe;
-use relight_train::run::{FORMAT, RunConfig, RunFolder, splits_fingerprint};
+use relight_train::run::{FORMAT, RunConfig, RunFolder, field_of, splits_fingerprint};
 use relight_train::schedule::Budget;
 use relight_train::trainer::Ending;
 
 use crate::engines::{self, Device};
-use crate::preparation::{Prepared, train};
+use crate::preparation::{Prepared, check_splits, open, train};
+
+/// A recipe's longest length, bytes.
+const LONGEST_RECIPE: u64 = 1 << 20;
+/// The model of a new run.
+const MODEL: &str = "v5";
 
 /// Train a field on a scene.
 ///
@@ -87,42 +91,9 @@ impl Preset {
 }
 
 pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
-    let resumed = args.resume && RunFolder::exists(&args.out);
-    // Told before minutes are spent on loading.
     engines::check(args.device)?;
-    ensure!(
-        resumed || !RunFolder::exists(&args.out),
-        "{}: holds a run already: continue it with --resume, or choose another folder",
-        args.out.display()
-    );
-    let recipe = if resumed { None } else { Some(recipe(args)?) };
-    let mut data = Prepared::load(&args.scene, quiet)?;
-    let (run, config) = match recipe {
-        None => {
-            let (run, config) = continued(args, &data)?;
-            data.find_surfaces(&config.recipe, &config.search);
-            (run, config)
-        }
-        Some(recipe) => {
-            let search = args.bounds.unwrap_or_else(|| scene_bounds(&data.scene));
-            data.find_surfaces(&recipe, &search);
-            let config = RunConfig {
-                format: FORMAT.to_owned(),
-                scene: data.scene.root.canonicalize().unwrap_or_else(|_| data.scene.root.clone()),
-                scene_name: data.scene.name.clone(),
-                model: args.model.clone().unwrap_or_else(|| "v5".to_owned()).to_lowercase(),
-                preset: args.preset.unwrap_or(Preset::Fast).name().to_owned(),
-                seed: args.seed.unwrap_or(0),
-                splits: splits_fingerprint(&data.scene, &data.splits),
-                budget: Budget { steps: args.steps, minutes: args.minutes },
-                bounds: args.bounds.or_else(|| data.surface_bounds()).unwrap_or(search),
-                search,
-                recipe,
-            };
-            config.field()?;
-            (RunFolder::create(&args.out, &config)?, config)
-        }
-    };
+    let (run, config, data) =
+        if args.resume && RunFolder::exists(&args.out) { resume(args, quiet)? } else { begin(args, quiet)? };
     let outcome = train(&run, &config, &data, args.device, args.json, quiet)?;
     match outcome.ending {
         Ending::Budget | Ending::Plateau => Ok(()),
@@ -135,23 +106,66 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
 }
 
+/// A new run. All that can be refused is, before minutes are spent on loading.
+fn begin(args: &Args, quiet: bool) -> anyhow::Result<(RunFolder, RunConfig, Prepared)> {
+    RunFolder::check_vacant(&args.out)?;
+    let model = args.model.as_deref().unwrap_or(MODEL).to_lowercase();
+    let recipe = recipe(args, &model)?;
+    let (scene, splits) = open(&args.scene)?;
+    let mut data = Prepared::load(scene, splits, quiet)?;
+    let search = args.bounds.unwrap_or_else(|| scene_bounds(&data.scene));
+    data.find_surfaces(&recipe, &search)?;
+    let config = RunConfig {
+        format: FORMAT.to_owned(),
+        scene: data.scene.root.canonicalize().unwrap_or_else(|_| data.scene.root.clone()),
+        scene_name: data.scene.name.clone(),
+        model,
+        preset: args.preset.unwrap_or(Preset::Fast).name().to_owned(),
+        seed: args.seed.unwrap_or(0),
+        splits: splits_fingerprint(&data.scene, &data.splits),
+        budget: Budget { steps: args.steps, minutes: args.minutes },
+        bounds: args.bounds.or_else(|| data.surface_bounds()).unwrap_or(search),
+        search,
+        recipe,
+    };
+    config.field()?;
+    Ok((RunFolder::create(&args.out, &config)?, config, data))
+}
+
 /// The recipe of a new run: the preset's, with the settings of `--recipe` in place of its own.
-fn recipe(args: &Args) -> anyhow::Result<Recipe> {
+fn recipe(args: &Args, model: &str) -> anyhow::Result<Recipe> {
     let preset = args.preset.unwrap_or(Preset::Fast).recipe();
     let Some(path) = &args.recipe else { return Ok(preset) };
+    let text = read_text(path, LONGEST_RECIPE)?;
     let changed = || -> anyhow::Result<Recipe> {
         let mut settings = toml::Table::try_from(&preset)?;
-        settings.extend(toml::from_str::<toml::Table>(&fs::read_to_string(path)?)?);
+        settings.extend(toml::from_str::<toml::Table>(&text)?);
         let recipe: Recipe = settings.try_into()?;
         recipe.validate()?;
+        // The box is not known yet; what else a field is made of is.
+        field_of(&recipe, model, Bounds { lo: [0.0; 3], hi: [1.0; 3] })?;
         Ok(recipe)
     };
     changed().with_context(|| path.display().to_string())
 }
 
-/// The run to continue, after a check that the arguments do not ask for another one. A new budget replaces the old.
-fn continued(args: &Args, data: &Prepared) -> anyhow::Result<(RunFolder, RunConfig)> {
-    let (run, mut config) = RunFolder::open(&args.out)?;
+/// The run to continue. A new budget replaces the old.
+fn resume(args: &Args, quiet: bool) -> anyhow::Result<(RunFolder, RunConfig, Prepared)> {
+    let (run, mut config) = RunFolder::resume(&args.out)?;
+    check_same(args, &config)?;
+    let (scene, splits) = open(&args.scene)?;
+    check_splits(&scene, &splits, &config)?;
+    let mut data = Prepared::load(scene, splits, quiet)?;
+    data.find_surfaces(&config.recipe, &config.search)?;
+    if args.steps.is_some() || args.minutes.is_some() {
+        config.budget = Budget { steps: args.steps, minutes: args.minutes };
+        run.write_config(&config)?;
+    }
+    Ok((run, config, data))
+}
+
+/// Checks that the arguments do not ask for another run than the one to continue.
+fn check_same(args: &Args, config: &RunConfig) -> anyhow::Result<()> {
     let differs = |what: &str, there: &dyn std::fmt::Display| {
         anyhow::anyhow!(
             "{}: this run has {what} {there}; leave the option out, or train into another folder",
@@ -170,12 +184,7 @@ fn continued(args: &Args, data: &Prepared) -> anyhow::Result<(RunFolder, RunConf
     if args.bounds.is_some_and(|b| b != config.bounds) {
         return Err(differs("bounds", &format!("{:?} to {:?}", config.bounds.lo, config.bounds.hi)));
     }
-    data.check_splits(&config)?;
-    if args.steps.is_some() || args.minutes.is_some() {
-        config.budget = Budget { steps: args.steps, minutes: args.minutes };
-        run.write_config(&config)?;
-    }
-    Ok((run, config))
+    Ok(())
 }
 
 /// A positive, finite number.

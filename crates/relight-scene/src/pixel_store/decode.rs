@@ -33,7 +33,7 @@ pub(super) fn decode(
     scene: &Scene,
     views: &[View],
     part: usize,
-    progress: &(dyn Fn(usize, usize) + Sync),
+    progress: &(dyn Fn(usize, usize) -> ControlFlow<()> + Sync),
     sink: &mut dyn FnMut(&[u8]) -> ControlFlow<()>,
 ) -> Result<(), SceneError> {
     let total = views.iter().map(|view| view.frames.len()).sum();
@@ -49,8 +49,10 @@ pub(super) fn decode(
             .par_iter()
             .map(|job| {
                 let image = read_training(scene, job.view.frames[job.slot])?;
-                if job.pixels.end == job.view.pixels {
-                    progress(done.fetch_add(1, Ordering::Relaxed) + 1, total);
+                if job.pixels.end == job.view.pixels
+                    && progress(done.fetch_add(1, Ordering::Relaxed) + 1, total).is_break()
+                {
+                    return Err(SceneError::Cancelled);
                 }
                 Ok((job, image))
             })

@@ -70,7 +70,7 @@ struct View {
 
 impl PixelStore {
     /// Decodes the given frames' images on all cores. `progress` is told how many images are done, and of how many, from
-    /// whatever thread is at it.
+    /// whatever thread is at it; if it answers [`ControlFlow::Break`], loading stops and leaves nothing.
     ///
     /// The pixels are kept in a file in `$RELIGHT_CACHE` (else `$XDG_CACHE_HOME/relight`, else `~/.cache/relight`), which
     /// the next start maps into memory at once: the operating system then holds as much of it as there is room for. It
@@ -81,11 +81,12 @@ impl PixelStore {
     /// # Errors
     /// The first image that cannot be decoded, is not of its camera's size, or is black: the official release blacks
     /// out its test images, and training on one is always a mistake. [`SceneError::Memory`], before any image is read, if
-    /// there are more pixels than the file's disk has room for and than memory may hold.
+    /// there are more pixels than the file's disk has room for and than memory may hold. [`SceneError::Cancelled`] if
+    /// `progress` said so.
     pub fn load(
         scene: &Scene,
         frames: &[usize],
-        progress: &(dyn Fn(usize, usize) + Sync),
+        progress: &(dyn Fn(usize, usize) -> ControlFlow<()> + Sync),
     ) -> Result<PixelStore, SceneError> {
         PixelStore::load_by(scene, frames, progress, cache::folder().as_deref(), &Limits::USUAL)
     }
@@ -94,7 +95,7 @@ impl PixelStore {
     pub(crate) fn load_by(
         scene: &Scene,
         frames: &[usize],
-        progress: &(dyn Fn(usize, usize) + Sync),
+        progress: &(dyn Fn(usize, usize) -> ControlFlow<()> + Sync),
         cache_folder: Option<&Path>,
         limits: &Limits,
     ) -> Result<PixelStore, SceneError> {
@@ -104,8 +105,10 @@ impl PixelStore {
         let mut cache = "there is no folder for it".to_owned();
         if let Some(entry) = entry {
             if let Some(map) = entry.open() {
-                progress(frames.len(), frames.len());
-                return Ok(PixelStore { views, bytes: Bytes::Mapped(map) });
+                return match progress(frames.len(), frames.len()) {
+                    ControlFlow::Continue(()) => Ok(PixelStore { views, bytes: Bytes::Mapped(map) }),
+                    ControlFlow::Break(()) => Err(SceneError::Cancelled),
+                };
             }
             match decode_to_file(scene, &views, limits.part, progress, &entry)? {
                 Ok(map) => return Ok(PixelStore { views, bytes: Bytes::Mapped(map) }),
@@ -164,7 +167,7 @@ fn decode_to_file(
     scene: &Scene,
     views: &[View],
     part: usize,
-    progress: &(dyn Fn(usize, usize) + Sync),
+    progress: &(dyn Fn(usize, usize) -> ControlFlow<()> + Sync),
     entry: &cache::Entry,
 ) -> Result<io::Result<Mmap>, SceneError> {
     let mut writer = match entry.create() {

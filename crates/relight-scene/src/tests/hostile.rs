@@ -1,6 +1,7 @@
 //! Folders that no capture ever made: every one must be refused, or read, without a panic, a hang or much memory.
 
 use std::fs;
+use std::ops::ControlFlow;
 use std::path::Path;
 
 use proptest::prelude::*;
@@ -24,7 +25,13 @@ fn try_all(path: &Path) {
     let _ = SceneInfo::of(&scene);
     let _ = contact_sheet(&scene);
     if let Ok(splits) = Splits::of(&scene) {
-        let _ = PixelStore::load_by(&scene, &splits.train, &|_, _| {}, None, &Limits::USUAL);
+        let _ = PixelStore::load_by(
+            &scene,
+            &splits.train,
+            &|_, _| ControlFlow::Continue(()),
+            None,
+            &Limits::USUAL,
+        );
     }
 }
 

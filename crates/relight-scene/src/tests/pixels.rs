@@ -1,4 +1,5 @@
 use std::fs::{self, File};
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, SystemTime};
@@ -10,7 +11,7 @@ use crate::{FaultKind, Image, PixelStore, Scene, SceneError};
 const LIMITS: Limits = Limits { worth_caching: 0, ..Limits::USUAL };
 
 fn load(scene: &Scene, frames: &[usize], cache: Option<&Path>) -> Result<PixelStore, SceneError> {
-    PixelStore::load_by(scene, frames, &|_, _| {}, cache, &LIMITS)
+    PixelStore::load_by(scene, frames, &|_, _| ControlFlow::Continue(()), cache, &LIMITS)
 }
 
 fn cached_files(cache: &Path) -> Vec<String> {
@@ -82,11 +83,30 @@ fn progress_counts_every_image() {
             assert!(done <= total && total == 24);
             count.fetch_add(1, Ordering::Relaxed);
             last.fetch_max(done, Ordering::Relaxed);
+            ControlFlow::Continue(())
         };
         PixelStore::load_by(&scene, &(0..24).collect::<Vec<_>>(), &progress, Some(cache.path()), &LIMITS)
             .unwrap();
         assert_eq!((count.into_inner(), last.into_inner()), (calls, 24));
     }
+}
+
+#[test]
+fn loading_that_is_stopped_leaves_nothing() {
+    let folder = SMALL.write();
+    let scene = Scene::open(folder.path()).unwrap();
+    let cache = tempfile::tempdir().unwrap();
+    let frames: Vec<usize> = (0..24).collect();
+    let stop_at = |last: usize| {
+        let progress = |done, _| if done < last { ControlFlow::Continue(()) } else { ControlFlow::Break(()) };
+        PixelStore::load_by(&scene, &frames, &progress, Some(cache.path()), &LIMITS)
+    };
+    for last in [1, 13, 24] {
+        assert!(matches!(stop_at(last), Err(SceneError::Cancelled)));
+        assert_eq!(cached_files(cache.path()), [""; 0]);
+    }
+    stop_at(25).unwrap();
+    assert!(matches!(stop_at(1), Err(SceneError::Cancelled)), "from the cache too");
 }
 
 #[test]
@@ -193,6 +213,7 @@ fn large_views_are_put_together_in_parts() {
             let progress = |images, total| {
                 assert!(images <= total && total == 24);
                 done.fetch_max(images, Ordering::Relaxed);
+                ControlFlow::Continue(())
             };
             let limits = Limits { part, ..LIMITS };
             let store = PixelStore::load_by(&scene, &frames, &progress, folder, &limits).unwrap();

@@ -2,6 +2,7 @@
 // Each test uses a part of it.
 #![allow(dead_code, clippy::unwrap_used)]
 
+use std::ops::ControlFlow;
 use std::path::Path;
 
 use relight_field::engine::*;
@@ -24,7 +25,7 @@ pub fn tiny_scene(root: &Path) -> Data {
     DemoScene { views: 8, lights: 6, width: 24, height: 18 }.write(root).unwrap();
     let scene = Scene::open(root).unwrap();
     let splits = Splits::of(&scene).unwrap();
-    let pixels = PixelStore::load(&scene, &splits.train, &|_, _| {}).unwrap();
+    let pixels = PixelStore::load(&scene, &splits.train, &|_, _| ControlFlow::Continue(())).unwrap();
     Data { scene, splits, pixels }
 }
 
