@@ -3,12 +3,14 @@
 mod commands;
 mod console;
 mod engines;
+mod places;
 mod preparation;
 mod report_page;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::error::ErrorKind;
+use clap::{CommandFactory, Parser, Subcommand};
 
 use commands::{compare, demo, eval, export, query, render, scene, train};
 
@@ -56,6 +58,11 @@ enum Command {
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
+    if let Command::Render(args) = &cli.command
+        && let Err(error) = args.check()
+    {
+        Cli::command().error(ErrorKind::ValueValidation, error).exit();
+    }
     console::start_logging(cli.verbose, cli.quiet);
     match run(cli) {
         Ok(()) => ExitCode::SUCCESS,

@@ -1,7 +1,7 @@
 //! Pictures in files: PNG for looking at, EXR for going on with the numbers.
 
 use std::fs::File;
-use std::io::{BufWriter, Read};
+use std::io::BufWriter;
 use std::path::Path;
 
 use exr::prelude::{
@@ -18,9 +18,21 @@ use crate::picture::Picture;
 /// [`RenderError::Extension`] for any other ending, [`RenderError::NoMap`] if the picture does not hold the map, and
 /// [`RenderError::Io`] or [`RenderError::Scene`] if the file cannot be written.
 pub fn write_picture(picture: &Picture, map: Map, path: &Path) -> Result<(), RenderError> {
+    check_picture_name(path)?;
+    if extension(path) == "exr" {
+        write_exr(picture, map, path)
+    } else {
+        Ok(picture.image(map, None)?.write_png(path)?)
+    }
+}
+
+/// Checks that a picture can be written under a name, before it is drawn.
+///
+/// # Errors
+/// [`RenderError::Extension`] if the name does not end in `.png` or `.exr`.
+pub fn check_picture_name(path: &Path) -> Result<(), RenderError> {
     match extension(path).as_str() {
-        "png" => Ok(picture.image(map, None)?.write_png(path)?),
-        "exr" => write_exr(picture, map, path),
+        "png" | "exr" => Ok(()),
         _ => Err(RenderError::Extension(path.to_owned())),
     }
 }
@@ -78,20 +90,6 @@ pub(crate) fn temporary_beside(path: &Path) -> Result<tempfile::NamedTempFile, R
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     builder.tempfile_in(folder).map_err(RenderError::io(path))
-}
-
-/// A text file of at most `limit` bytes.
-pub(crate) fn read_text(path: &Path, limit: u64) -> Result<String, RenderError> {
-    let mut text = String::new();
-    let file = File::open(path).map_err(RenderError::io(path))?;
-    file.take(limit + 1).read_to_string(&mut text).map_err(RenderError::io(path))?;
-    if text.len() as u64 > limit {
-        return Err(RenderError::file(
-            path,
-            format!("is longer than {limit} bytes: this is some other file"),
-        ));
-    }
-    Ok(text)
 }
 
 /// The linear value of an sRGB value (IEC 61966-2-1).

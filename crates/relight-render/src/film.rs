@@ -26,14 +26,24 @@ impl Film {
     /// [`RenderError::Io`] if file or folder cannot be made, [`RenderError::Film`] if the encoder fails or the name has
     /// the ending of some other file.
     pub fn create(path: &Path, frame_rate: NonZeroU32, frames: usize) -> Result<Film, RenderError> {
-        match extension(path).as_str() {
-            "mp4" => Ok(Film(Form::Video(Box::new(Video::create(path, frame_rate, frames)?)))),
-            ending if ending.is_empty() || path.is_dir() => {
-                std::fs::create_dir_all(path).map_err(RenderError::io(path))?;
-                Ok(Film(Form::Folder { path: path.to_owned(), frames: 0 }))
-            }
-            _ => Err(RenderError::film(path, "name a .mp4 file, or a folder for the frames")),
+        Film::check_name(path)?;
+        if extension(path) == "mp4" {
+            return Ok(Film(Form::Video(Box::new(Video::create(path, frame_rate, frames)?))));
         }
+        std::fs::create_dir_all(path).map_err(RenderError::io(path))?;
+        Ok(Film(Form::Folder { path: path.to_owned(), frames: 0 }))
+    }
+
+    /// Checks that a film can have a name, before anything is drawn.
+    ///
+    /// # Errors
+    /// [`RenderError::Film`] if the name has the ending of some other file.
+    pub fn check_name(path: &Path) -> Result<(), RenderError> {
+        let ending = extension(path);
+        if ending == "mp4" || ending.is_empty() || path.is_dir() {
+            return Ok(());
+        }
+        Err(RenderError::film(path, "name a .mp4 file, or a folder for the frames"))
     }
 
     /// Appends a frame; all must have one size.

@@ -17,9 +17,9 @@ mod rays;
 mod video;
 
 pub use error::RenderError;
-pub use files::{write_exr, write_picture};
+pub use files::{check_picture_name, write_exr, write_picture};
 pub use film::Film;
 pub use maps::Map;
-pub use picture::{Picture, render};
-pub use placement::{focus, named_camera, named_light};
+pub use picture::{Picture, check_size, render};
+pub use placement::{LightName, focus, named_camera};
 pub use rays::camera_rays;

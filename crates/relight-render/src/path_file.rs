@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
+use relight_scene::read_text;
 use serde::Deserialize;
 
 use crate::error::RenderError;
-use crate::files::read_text;
 use crate::paths::Shot;
 use crate::placement::{light_at, pose_of};
 

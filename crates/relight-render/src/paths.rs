@@ -10,8 +10,8 @@ use crate::error::RenderError;
 use crate::interpolation::{interpolate, pose, rotation};
 use crate::path_file;
 
-/// The longest path.
-const MOST_FRAMES: usize = 100_000;
+/// Frames of the longest path.
+pub const MOST_FRAMES: usize = 100_000;
 /// Turns of the light about the object while it climbs the dome and comes down again.
 const LIGHT_TURNS: f64 = 2.0;
 
@@ -71,7 +71,7 @@ pub fn lights(
 /// matrices row-major, to-world, metres. A light given by its position looks at the focus.
 ///
 /// # Errors
-/// [`RenderError::Io`] or [`RenderError::File`] if the file is no such path, [`RenderError::Placement`] for no frames or
+/// [`RenderError::Scene`] or [`RenderError::File`] if the file is no such path, [`RenderError::Placement`] for no frames or
 /// more than 100000.
 pub fn from_file(path: &Path, focus: [f64; 3], frames: usize) -> Result<Vec<Shot>, RenderError> {
     let keyframes = path_file::read(path, focus)?;

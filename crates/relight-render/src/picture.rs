@@ -35,6 +35,18 @@ pub struct Picture {
     pub opacity: Vec<f32>,
 }
 
+/// Checks that a picture is neither empty nor enormous, before anything is drawn.
+///
+/// # Errors
+/// [`RenderError::Size`] if it is.
+pub fn check_size(width: u32, height: u32) -> Result<(), RenderError> {
+    let pixels = width as usize * height as usize;
+    if pixels == 0 || pixels > MOST_PIXELS || width.max(height) > LONGEST_SIDE {
+        return Err(RenderError::Size { width, height });
+    }
+    Ok(())
+}
+
 /// Draws the field from the camera at `pose` under the light at `light` (light-to-world).
 ///
 /// `progress` is told the pixels done and the pixels in all after each strip of the picture; if it answers
@@ -53,10 +65,8 @@ pub fn render(
     progress: &mut dyn FnMut(usize, usize) -> ControlFlow<()>,
 ) -> Result<Picture, RenderError> {
     let (width, height) = (intrinsics.width, intrinsics.height);
+    check_size(width, height)?;
     let pixels = width as usize * height as usize;
-    if pixels == 0 || pixels > MOST_PIXELS || width.max(height) > LONGEST_SIDE {
-        return Err(RenderError::Size { width, height });
-    }
     let light = LightPose(light.row_major_f32());
     let mut picture = Picture { width, height, ..Picture::default() };
     for start in (0..pixels).step_by(STRIP) {

@@ -1,11 +1,11 @@
 //! Cameras and lights as people name them.
 
 use std::path::Path;
+use std::str::FromStr;
 
-use relight_scene::{Camera, Intrinsics, Light, Pose, Scene, scene_bounds};
+use relight_scene::{Camera, Intrinsics, Light, Pose, Scene, read_text, scene_bounds};
 
 use crate::error::RenderError;
-use crate::files::read_text;
 
 /// A pose file's longest length, bytes.
 const LONGEST_FILE: u64 = 1 << 16;
@@ -22,7 +22,7 @@ pub fn focus(scene: &Scene) -> [f64; 3] {
 /// first of them.
 ///
 /// # Errors
-/// [`RenderError::Placement`] if there is no such camera, [`RenderError::Io`] or [`RenderError::File`] if the file
+/// [`RenderError::Placement`] if there is no such camera, [`RenderError::Scene`] or [`RenderError::File`] if the file
 /// holds no pose.
 pub fn named_camera(cameras: &[Camera], name: &str) -> Result<(Intrinsics, Pose), RenderError> {
     if let Ok(label) = name.parse::<usize>() {
@@ -41,30 +41,53 @@ pub fn named_camera(cameras: &[Camera], name: &str) -> Result<(Intrinsics, Pose)
     Ok((lens, pose))
 }
 
-/// The light called `name`: the number (label) of one of `lights`, or a position `X,Y,Z` in the world frame, metres,
-/// or the 16 numbers of a 4x4 light-to-world matrix. A light given by its position alone looks at the focus along
-/// +Z, as ReNe's lights do.
-///
-/// # Errors
-/// [`RenderError::Placement`] if there is no such light or `name` is none of these.
-pub fn named_light(lights: &[Light], focus: [f64; 3], name: &str) -> Result<Pose, RenderError> {
-    if let Ok(label) = name.trim().parse::<usize>() {
-        let found = lights.iter().find(|light| light.label == label);
-        return found
-            .map(|light| light.pose)
-            .ok_or_else(|| no_such("light", label, lights.iter().map(|l| l.label)));
+/// A light as people name it.
+#[derive(Clone, Debug, PartialEq)]
+pub enum LightName {
+    /// The number (label) of one of a scene's lights.
+    Label(usize),
+    /// A position in the world, metres.
+    Position([f64; 3]),
+    /// A light-to-world pose.
+    Pose(Pose),
+}
+
+impl FromStr for LightName {
+    type Err = RenderError;
+
+    /// Reads a number, a position `X,Y,Z`, or the 16 numbers of a 4x4 matrix.
+    fn from_str(name: &str) -> Result<LightName, RenderError> {
+        if let Ok(label) = name.trim().parse() {
+            return Ok(LightName::Label(label));
+        }
+        match numbers(name).as_deref() {
+            Some(&[x, y, z]) if [x, y, z].iter().all(|c| c.is_finite()) => Ok(LightName::Position([x, y, z])),
+            Some(numbers) if numbers.len() == 16 => {
+                pose_of(numbers).map(LightName::Pose).map_err(RenderError::Placement)
+            }
+            _ => Err(RenderError::Placement(format!(
+                "{name:?} is no light: give the number of one, its position as X,Y,Z in metres, or the 16 numbers of \
+                 its light-to-world matrix"
+            ))),
+        }
     }
-    let none = || {
-        RenderError::Placement(format!(
-            "{name:?} is no light: give the number of one, its position as X,Y,Z in metres, or the 16 numbers of its \
-             light-to-world matrix"
-        ))
-    };
-    let numbers = numbers(name).ok_or_else(none)?;
-    match numbers.as_slice() {
-        &[x, y, z] => light_at([x, y, z], focus).ok_or_else(none),
-        numbers if numbers.len() == 16 => pose_of(numbers).map_err(RenderError::Placement),
-        _ => Err(none()),
+}
+
+impl LightName {
+    /// The light's pose. A light given by its position alone looks at the focus along +Z, as ReNe's lights do.
+    ///
+    /// # Errors
+    /// [`RenderError::Placement`] if none of `lights` has the number.
+    pub fn pose(&self, lights: &[Light], focus: [f64; 3]) -> Result<Pose, RenderError> {
+        match *self {
+            LightName::Label(label) => lights
+                .iter()
+                .find(|light| light.label == label)
+                .map(|light| light.pose)
+                .ok_or_else(|| no_such("light", label, lights.iter().map(|l| l.label))),
+            LightName::Position(position) => Ok(Pose::look_at(position, focus)),
+            LightName::Pose(pose) => Ok(pose),
+        }
     }
 }
 

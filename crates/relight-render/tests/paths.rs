@@ -10,8 +10,12 @@ use std::path::PathBuf;
 use common::{lens, looking, polar};
 use proptest::prelude::*;
 use relight_render::paths::{Shot, from_file, lights, orbit};
-use relight_render::{RenderError, named_camera, named_light};
+use relight_render::{LightName, RenderError, named_camera};
 use relight_scene::{Camera, Light, Pose};
+
+fn named_light(lights: &[Light], focus: [f64; 3], name: &str) -> Result<Pose, RenderError> {
+    name.parse::<LightName>()?.pose(lights, focus)
+}
 
 const DEGREE: f64 = TAU / 360.0;
 

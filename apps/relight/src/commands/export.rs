@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use relight_field::weights_file;
 use relight_train::run::RunFolder;
 
-use crate::engines;
+use crate::{engines, places};
 
 /// Write the weights of a run to a safetensors file.
 ///
@@ -21,6 +21,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
+    places::check_file(&args.weights)?;
     let (run, _) = RunFolder::open(&args.run)?;
     weights_file::save(&engines::weights(&run)?, &args.weights)?;
     Ok(())

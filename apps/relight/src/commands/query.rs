@@ -1,12 +1,12 @@
 //! `relight query`: the field itself at given points.
 
-use std::fs;
 use std::path::PathBuf;
 
 use anyhow::{Context, bail, ensure};
 use relight_field::architecture::LightInput;
 use relight_field::engine::{LightPose, Points};
 use relight_field::reference::{self, Field};
+use relight_scene::read_text;
 use relight_train::run::RunFolder;
 use serde::{Deserialize, Serialize};
 
@@ -15,6 +15,8 @@ use crate::engines;
 
 /// Most points in a file; a file with more is a mistake.
 const MAX_POINTS: usize = 10_000_000;
+/// Longest file, bytes: that many points with all their digits.
+const LONGEST: u64 = 1 << 31;
 
 /// Evaluate the field at points of the world.
 ///
@@ -54,7 +56,7 @@ struct Answer {
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let (run, config) = RunFolder::open(&args.run)?;
     let file = args.points.display().to_string();
-    let text = fs::read_to_string(&args.points).with_context(|| file.clone())?;
+    let text = read_text(&args.points, LONGEST)?;
     let points = parse(&text).with_context(|| file.clone())?;
     if points.light.is_none() && config.field()?.architecture.light != LightInput::None {
         bail!("{file}: no \"light\": model {} needs the light's 16 numbers, row by row", config.model);

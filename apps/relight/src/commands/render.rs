@@ -5,12 +5,15 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{bail, ensure};
 use relight_field::engine::{Engine, RenderSettings};
-use relight_render::{Film, Map, focus, named_camera, named_light, paths, render, write_picture};
+use relight_render::{
+    Film, LightName, Map, RenderError, check_picture_name, check_size, focus, named_camera, paths, render,
+    write_picture,
+};
 use relight_scene::{Intrinsics, Scene};
 use relight_train::run::RunFolder;
 
 use crate::console::{Progress, cancel_flag, unless};
-use crate::engines;
+use crate::{engines, places};
 
 /// Render a view under a light, or a film along a path.
 ///
@@ -40,12 +43,12 @@ pub struct Args {
         required_unless_present = "path",
         allow_hyphen_values = true
     )]
-    light: Option<String>,
+    light: Option<LightName>,
     /// Draw a film: `orbit` moves the camera, `lights` the light, a file both.
     #[arg(long, value_name = "orbit|lights|FILE")]
     path: Option<String>,
     /// Frames of a film.
-    #[arg(long, default_value_t = 120, requires = "path")]
+    #[arg(long, default_value = "120", requires = "path", value_parser = frames)]
     frames: usize,
     /// Frames a second.
     #[arg(long, default_value = "30", requires = "path")]
@@ -64,7 +67,18 @@ pub struct Args {
     scene: Option<PathBuf>,
 }
 
+impl Args {
+    /// Checks what no single argument shows: whether the name of the output is one of a picture or of a film.
+    pub fn check(&self) -> Result<(), RenderError> {
+        if self.path.is_some() { Film::check_name(&self.out) } else { check_picture_name(&self.out) }
+    }
+}
+
 pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
+    // Told before minutes are spent on drawing.
+    if args.path.is_none() || args.out.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("mp4")) {
+        places::check_file(&args.out)?;
+    }
     let (run, config) = RunFolder::open(&args.run)?;
     let scene = Scene::open(args.scene.as_ref().unwrap_or(&config.scene))?;
     let engine = engines::of_run(&run, &config)?;
@@ -80,7 +94,7 @@ fn picture(args: &Args, scene: &Scene, engine: &dyn Engine, quiet: bool) -> anyh
         bail!("--camera and --light are needed without --path");
     };
     let (lens, pose) = named_camera(&scene.cameras, camera)?;
-    let light = named_light(&scene.lights, focus(scene), light)?;
+    let light = light.pose(&scene.lights, focus(scene))?;
     let cancel = cancel_flag()?;
     let bar = Progress::new("drawing", 1, quiet);
     let lens = resized(&lens, args.size);
@@ -97,10 +111,10 @@ fn picture(args: &Args, scene: &Scene, engine: &dyn Engine, quiet: bool) -> anyh
 fn film(args: &Args, path: &str, scene: &Scene, engine: &dyn Engine, quiet: bool) -> anyhow::Result<()> {
     ensure!(!scene.cameras.is_empty() && !scene.lights.is_empty(), "{} has no cameras or lights", scene.name);
     let first_camera = scene.cameras[0].label.to_string();
-    let first_light = scene.lights[0].label.to_string();
+    let first_light = LightName::Label(scene.lights[0].label);
     let (lens, pose) = named_camera(&scene.cameras, args.camera.as_ref().unwrap_or(&first_camera))?;
     let focus = focus(scene);
-    let light = named_light(&scene.lights, focus, args.light.as_ref().unwrap_or(&first_light))?;
+    let light = args.light.as_ref().unwrap_or(&first_light).pose(&scene.lights, focus)?;
     let shots = match path {
         "orbit" => paths::orbit(&scene.cameras, &lens, focus, &light, args.frames)?,
         "lights" => paths::lights(&scene.lights, focus, &pose, args.frames)?,
@@ -140,10 +154,21 @@ fn resized(lens: &Intrinsics, size: Option<(u32, u32)>) -> Intrinsics {
 
 /// A size as `640x480`.
 fn size(text: &str) -> Result<(u32, u32), String> {
-    let side = |text: &str| text.parse::<u32>().ok().filter(|side| (1..=16_384).contains(side));
-    text.split_once(['x', 'X'])
+    let side = |text: &str| text.parse::<u32>().ok();
+    let (width, height) = text
+        .split_once(['x', 'X'])
         .and_then(|(w, h)| side(w).zip(side(h)))
-        .ok_or_else(|| "a size is two numbers of pixels, as 640x480".to_owned())
+        .ok_or("a size is two numbers of pixels, as 640x480")?;
+    check_size(width, height).map_err(|error| error.to_string())?;
+    Ok((width, height))
+}
+
+/// A number of frames.
+fn frames(text: &str) -> Result<usize, String> {
+    text.parse()
+        .ok()
+        .filter(|frames| (1..=paths::MOST_FRAMES).contains(frames))
+        .ok_or_else(|| format!("a path has 1 to {} frames", paths::MOST_FRAMES))
 }
 
 #[cfg(test)]
@@ -153,7 +178,7 @@ mod tests {
     #[test]
     fn sizes_are_read_and_checked() {
         assert_eq!(size("640x480"), Ok((640, 480)));
-        for bad in ["640", "0x4", "axb", "640x480x3", "99999x1"] {
+        for bad in ["640", "0x4", "axb", "640x480x3", "99999x1", "16384x16384"] {
             assert!(size(bad).is_err(), "{bad}");
         }
     }

@@ -6,6 +6,7 @@ use anyhow::bail;
 use relight_scene::{Scene, SceneInfo, Severity, check, contact_sheet};
 
 use crate::console::{Progress, print_json, print_line};
+use crate::places;
 
 /// Look at a scene: what it holds, what is wrong with it, a sheet of its photographs.
 #[derive(clap::Args)]
@@ -61,6 +62,7 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         Command::Info(args) => info(args),
         Command::Check(args) => run_check(args, quiet),
         Command::Sheet(args) => {
+            places::check_file(&args.out)?;
             let scene = Scene::open(&args.scene)?;
             Ok(contact_sheet(&scene)?.write_png(&args.out)?)
         }
