@@ -27,6 +27,11 @@ fn bad_arguments_end_with_status_2() {
         "render run --camera 0 --light 0 --out a.png --size 10",
         "render run --camera 0 --light 0 --out a.png --map normals",
         "render run --path orbit --fps 0 --out a",
+        "render run --path orbit --frames 0 --out a",
+        "render run --path orbit --out film.avi",
+        "render run --camera 0 --light 0 --out a.jpg",
+        "render run --camera 0 --light 1,2 --out a.png",
+        "render run --camera 0 --light 0 --size 16384x16384 --out a.png",
         "paint",
     ] {
         shop.fail(arguments, 2);
@@ -129,6 +134,8 @@ fn runs_that_are_none_or_damaged_are_refused_by_name() {
     }
     fs::remove_file(&weights).unwrap();
     assert!(shop.fail("eval run", 1).contains("--resume"));
+    shop.succeed("train scene --out run --resume");
+    shop.succeed("eval run");
     fs::write(&weights, &good).unwrap();
 
     // The splits must be those of the training.
@@ -156,14 +163,81 @@ fn recipes_that_make_no_sense_are_refused_by_setting() {
         ("rays-per-stop = 10", "rays-per-stop"),
         ("learning-rate = 3", "learning-rate"),
         ("[grid]\nlevels = 99\nfeatures = 2\nlog2_table = 10\nbase = 4\nfinest = 16", "levels"),
+        ("density-scale = -1.0", "density_scale"),
         ("[grid", "recipe.toml"),
     ] {
         fs::write(shop.path("recipe.toml"), recipe).unwrap();
-        let said = shop.fail("train scene --out run --recipe recipe.toml --steps 1", 1);
-        assert!(said.contains(reason), "{recipe}: {said}");
+        // There is no such scene: the recipe is looked at first.
+        let said = shop.fail("train nowhere --out run --recipe recipe.toml --steps 1", 1);
+        assert!(said.contains("recipe.toml") && said.contains(reason), "{recipe}: {said}");
         assert!(!shop.path("run").exists());
     }
     assert!(shop.fail("train scene --out run --device gpu --steps 1", 1).contains("--device cpu"));
+}
+
+#[test]
+fn what_cannot_end_well_is_not_begun() {
+    let shop = Workshop::new();
+    shop.train("run");
+    fs::write(shop.path("file"), "something").unwrap();
+    fs::create_dir(shop.path("full")).unwrap();
+    fs::write(shop.path("full/file"), "something").unwrap();
+    fs::create_dir(shop.path("full.png")).unwrap();
+    // There is neither the scene nor the run: what is told was found before they were opened.
+    for (arguments, reason) in [
+        ("train nowhere --out file", "file: is a file"),
+        ("train nowhere --out full", "full: is not empty"),
+        ("train nowhere --out new --recipe none.toml", "none.toml: cannot be read"),
+        ("train nowhere --out run --resume --model v3", "run: this run has model v5"),
+        ("train nowhere --out run --resume --preset paper", "run: this run has preset fast"),
+        ("render nowhere --camera 0 --light 0 --out none/a.png", "there is no folder none; make it"),
+        ("render nowhere --path orbit --out none/a.mp4", "there is no folder none; make it"),
+        ("render nowhere --camera 0 --light 0 --out full.png", "full.png: is a folder"),
+        ("export nowhere --weights none/w.safetensors", "there is no folder none; make it"),
+        ("export nowhere --weights .", ".: is a folder"),
+        ("scene sheet nowhere --out none/sheet.png", "there is no folder none; make it"),
+    ] {
+        let said = shop.fail(arguments, 1);
+        assert!(said.contains(reason), "{arguments}: {said}");
+    }
+    assert!(!shop.path("none").exists() && !shop.path("new").exists());
+}
+
+#[cfg(unix)]
+#[test]
+fn pipes_and_devices_are_not_waited_for() {
+    let shop = Workshop::new();
+    shop.train("run");
+    let pipe = |path: &std::path::Path| {
+        assert!(std::process::Command::new("mkfifo").arg(path).status().unwrap().success());
+    };
+    pipe(&shop.path("pipe"));
+    for name in ["pipe", "/dev/zero"] {
+        for arguments in [
+            "query run FILE --json",
+            "render run --camera FILE --light 0 --out a.png",
+            "render run --path FILE --frames 2 --out a",
+            "train scene --out new --recipe FILE",
+            "compare FILE FILE",
+        ] {
+            let said = shop.fail(&arguments.replace("FILE", name), 1);
+            assert!(said.contains(&format!("{name}: is not a file")), "{arguments}: {said}");
+        }
+    }
+    for (file, arguments) in [
+        ("guide.safetensors", "eval run"),
+        ("checkpoint/latest.safetensors", "train scene --out run --resume"),
+        ("weights.safetensors", "eval run"),
+        ("config.toml", "eval run"),
+    ] {
+        let path = shop.path("run").join(file);
+        let good = fs::read(&path).unwrap();
+        fs::remove_file(&path).unwrap();
+        pipe(&path);
+        shop.fail(arguments, 1);
+        fs::remove_file(&path).unwrap();
+        fs::write(&path, good).unwrap();
+    }
 }
 
 #[test]
@@ -179,7 +253,11 @@ fn pictures_that_cannot_be_compared_are_refused_by_name() {
     assert!(shop.fail("compare a.png wide.png --json", 1).contains("wide.png"));
     assert!(shop.fail("compare a.png nowhere.png --json", 1).contains("nowhere.png"));
     assert!(shop.fail("compare a.png recipe.toml", 1).contains("recipe.toml"));
-    assert!(shop.fail("compare narrow.png narrow.png", 1).contains("too small"));
+    let small = shop.fail("compare narrow.png narrow.png", 1);
+    assert!(small.contains("narrow.png: ") && small.contains("too small"), "{small}");
+    Image { width: 12, height: 12, data: vec![0; 432] }.write_png(&shop.path("black.png")).unwrap();
+    let black = shop.fail("compare black.png a.png", 1);
+    assert!(black.contains("black.png: ") && black.contains("all black"), "{black}");
     let same = shop.json("compare a.png a.png --json");
     assert!(same["psnr"].is_null() && same["ssim"] == 1.0);
 }

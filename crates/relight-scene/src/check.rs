@@ -54,6 +54,7 @@ fn check_images(scene: &Scene, progress: &(dyn Fn(usize, usize) + Sync), faults:
         .collect();
     let is_black: Vec<Option<bool>> = blackness.into_iter().map(|result| faults.keep(result)).collect();
     if let Some(splits) = faults.keep(Splits::peek(scene)) {
+        faults.keep(splits.check_training(scene));
         check_black(scene, &splits, &is_black, faults);
         if splits.easy.is_empty() {
             let problem = "there are too few views to hold any out for a test";

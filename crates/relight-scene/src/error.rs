@@ -1,9 +1,13 @@
 //! What can be wrong with a folder, and how it is said.
 
+use std::borrow::Cow;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
+
+/// Characters of a path or a problem that are shown.
+const SHOWN: usize = 400;
 
 /// How bad a fault is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -79,9 +83,19 @@ pub struct Fault {
 
 impl fmt::Display for Fault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: {}.", self.path.display(), self.problem)?;
+        write!(f, "{}: {}.", shortened(&self.path.to_string_lossy()), shortened(&self.problem))?;
         if self.mend.is_empty() { Ok(()) } else { write!(f, " {}", self.mend) }
     }
+}
+
+/// A text that may be quoted from a hostile file, without its middle if it is long.
+fn shortened(text: &str) -> Cow<'_, str> {
+    let length = text.chars().count();
+    if length <= SHOWN {
+        return text.into();
+    }
+    let part = |skip| text.chars().skip(skip).take(SHOWN / 2).collect::<String>();
+    format!("{} […] {}", part(0), part(length - SHOWN / 2)).into()
 }
 
 /// Why a scene, a split or pixels cannot be had.

@@ -13,7 +13,7 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::SceneError;
+use crate::error::{FaultKind, SceneError};
 use crate::scene::{Layout, Scene};
 
 /// Views and lights of the official release.
@@ -90,9 +90,10 @@ impl Splits {
     /// follow the same scheme.
     ///
     /// # Errors
-    /// If `splits.json` is of an unknown version or does not fit the scene.
+    /// If `splits.json` is of an unknown version or does not fit the scene, or if no image is left to train on.
     pub fn of(scene: &Scene) -> Result<Splits, SceneError> {
         if let Some(splits) = Splits::settled(scene)? {
+            splits.check_training(scene)?;
             return Ok(splits);
         }
         let splits = drawn::draw(scene);
@@ -105,9 +106,23 @@ impl Splits {
     /// As [`of`](Splits::of), but nothing is written: for looking at a scene that is not trained on.
     ///
     /// # Errors
-    /// As [`of`](Splits::of).
+    /// As [`of`](Splits::of), but splits without training images are looked at too.
     pub fn peek(scene: &Scene) -> Result<Splits, SceneError> {
         Ok(Splits::settled(scene)?.unwrap_or_else(|| drawn::draw(scene)))
+    }
+
+    /// Refuses splits that leave nothing to learn from.
+    pub(crate) fn check_training(&self, scene: &Scene) -> Result<(), SceneError> {
+        if !self.train.is_empty() {
+            return Ok(());
+        }
+        let file = file::path(scene);
+        let (path, mend) = if scene.declared.is_none() && !is_official(scene) && file.exists() {
+            (file, "Remove the file to draw splits anew.")
+        } else {
+            (scene.root.clone(), "Add images of cameras and under lights that are not held out for the test.")
+        };
+        Err(SceneError::fault(FaultKind::Split, &path, "leaves no image to train on", mend))
     }
 
     /// The splits that need not be drawn.

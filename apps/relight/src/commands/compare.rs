@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use anyhow::ensure;
+use anyhow::{Context, ensure};
+use relight_metrics::{MetricError, psnr, ssim, ssim_uniform7};
 use relight_scene::read_image;
 use serde::Serialize;
 
@@ -45,11 +46,14 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         a.height
     );
     let (truth, picture) = (&a.data, &b.data);
-    let scores = Comparison {
-        psnr: relight_metrics::psnr(picture, truth)?,
-        ssim: relight_metrics::ssim(picture, truth, a.width, a.height)?,
-        ssim_uniform7: relight_metrics::ssim_uniform7(picture, truth, a.width, a.height)?,
+    let scored = || -> Result<Comparison, MetricError> {
+        Ok(Comparison {
+            psnr: psnr(picture, truth)?,
+            ssim: ssim(picture, truth, a.width, a.height)?,
+            ssim_uniform7: ssim_uniform7(picture, truth, a.width, a.height)?,
+        })
     };
+    let scores = scored().with_context(|| args.a.display().to_string())?;
     if args.json {
         return print_json(&scores);
     }

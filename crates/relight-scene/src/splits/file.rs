@@ -34,7 +34,7 @@ struct File {
     hard: Pairs,
 }
 
-fn path(scene: &Scene) -> PathBuf {
+pub(super) fn path(scene: &Scene) -> PathBuf {
     scene.root.join("splits.json")
 }
 

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use tempfile::TempDir;
 
 use super::{Rig, SMALL, fault, image_path, replace};
-use crate::{FaultKind, Frame, Image, Scene, Split, Splits};
+use crate::{FaultKind, Frame, Image, Scene, Split, Splits, check};
 
 fn pairs(scene: &Scene, frames: &[usize]) -> Vec<(usize, usize)> {
     frames.iter().map(|&frame| (scene.frames[frame].camera, scene.frames[frame].light)).collect()
@@ -187,6 +187,20 @@ fn unknown_and_broken_split_files_are_refused_by_name() {
         assert_eq!((fault.kind, &fault.path), (kind, &path));
         assert!(fault.mend.contains("emove"));
     }
+}
+
+#[test]
+fn splits_that_leave_nothing_to_train_on_are_refused() {
+    let folder = SMALL.write();
+    let scene = Scene::open(folder.path()).unwrap();
+    let path = folder.path().join("splits.json");
+    let text =
+        r#"{"format": "relight-splits", "version": 1, "train": [], "val": [[0, 0]], "easy": [], "hard": []}"#;
+    replace(&path, text);
+    let named = fault(Splits::of(&scene));
+    assert_eq!((named.kind, &named.path), (FaultKind::Split, &path));
+    assert!(named.mend.contains("Remove"), "{named}");
+    assert!(check(folder.path(), &|_, _| {}).faults.contains(&named));
 }
 
 #[test]

@@ -166,6 +166,8 @@ fn faults_name_the_frame() {
     assert!(kind == FaultKind::Missing && says.contains("r_2") && says.contains("pl_pos"), "{says}");
     let (kind, says) = with(&|file| file["frames"][1]["file_path"] = json!("train/none"));
     assert!(kind == FaultKind::Missing && says.contains("train/none"), "{says}");
+    let (_, says) = with(&|file| file["frames"][1]["file_path"] = json!("ä".repeat(1 << 20)));
+    assert!(says.len() < 2000 && says.contains("ä […] ä") && says.contains("is missing"), "{says}");
     let (kind, _) =
         with(&|file| file["frames"][1]["transform_matrix"] = json!([[1, 0, 0], [0, 1, 0], [0, 0, 1]]));
     assert_eq!(kind, FaultKind::Malformed);
