@@ -186,6 +186,7 @@ fn what_cannot_end_well_is_not_begun() {
     // There is neither the scene nor the run: what is told was found before they were opened.
     for (arguments, reason) in [
         ("train nowhere --out file", "file: is a file"),
+        ("demo --out file", "file: is a file"),
         ("train nowhere --out full", "full: is not empty"),
         ("train nowhere --out new --recipe none.toml", "none.toml: cannot be read"),
         ("train nowhere --out run --resume --model v3", "run: this run has model v5"),

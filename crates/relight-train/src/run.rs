@@ -144,21 +144,29 @@ impl RunFolder {
     /// # Errors
     /// [`TrainError::Run`] if something is there already; [`TrainError::Io`] if it cannot be written.
     pub fn create(root: &Path, config: &RunConfig) -> Result<Self, TrainError> {
-        Self::check_vacant(root)?;
+        Self::check_contents(root)?;
         fs::create_dir_all(root).map_err(TrainError::io(root))?;
         let run = Self { root: root.to_owned(), _lock: Some(lock(root)?) };
         // Another may have trained there from its first step to its last since.
-        Self::check_vacant(root)?;
+        Self::check_contents(root)?;
         run.write_config(config)?;
         Ok(run)
     }
 
     /// Checks that a run can be started in `root`: that it does not exist, or is empty but for a run that never got
-    /// anywhere.
+    /// anywhere, and that nobody trains there.
     ///
     /// # Errors
     /// [`TrainError::Run`] if something is there already; [`TrainError::Io`] if it cannot be looked at.
     pub fn check_vacant(root: &Path) -> Result<(), TrainError> {
+        Self::check_contents(root)?;
+        if root.join(LOCK).is_file() {
+            lock(root)?;
+        }
+        Ok(())
+    }
+
+    fn check_contents(root: &Path) -> Result<(), TrainError> {
         if Self::exists(root) {
             return Err(TrainError::run(
                 root,

@@ -198,6 +198,7 @@ fn one_training_at_a_time_works_in_a_folder() {
         assert!(error.contains("run") && error.contains("another training"), "{error}");
     };
     refused(RunFolder::create(&root, &config));
+    assert!(RunFolder::check_vacant(&root).unwrap_err().to_string().contains("another training"));
     train(&data, &first, &config, FakeEngine::new(&config), u64::MAX, &mut Vec::new()).unwrap();
     refused(RunFolder::resume(&root).map(|(run, _)| run));
     // Reading is free to all.

@@ -52,6 +52,7 @@ pub struct Args {
 
 pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let out = &args.out;
+    ensure!(!out.is_file(), "{}: is a file; name a folder", out.display());
     ensure!(
         fs::read_dir(out).map_or(true, |mut entries| entries.next().is_none()),
         "{}: exists and is not empty; remove it, or choose another folder with --out",
