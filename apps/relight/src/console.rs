@@ -5,11 +5,14 @@ use std::ops::ControlFlow;
 use std::sync::Mutex;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::iterator::Signals;
 
 /// Time between plain lines of progress.
 const LINE_EVERY: Duration = Duration::from_secs(10);
@@ -107,17 +110,21 @@ impl Progress {
     }
 }
 
-/// A flag that the first Ctrl-C (SIGTERM and SIGHUP too) sets; the second ends the program at once.
+/// A flag that the first Ctrl-C or SIGTERM sets; the second ends the program at once. The end of the terminal is left
+/// alone, so that `nohup` means what it says.
 pub fn cancel_flag() -> anyhow::Result<&'static AtomicBool> {
     static FLAG: AtomicBool = AtomicBool::new(false);
     static HANDLER: OnceLock<()> = OnceLock::new();
     if HANDLER.set(()).is_ok() {
-        ctrlc::set_handler(|| {
-            if FLAG.swap(true, Ordering::Relaxed) {
-                std::process::exit(130);
+        let mut signals = Signals::new([SIGINT, SIGTERM])?;
+        thread::spawn(move || {
+            for _ in signals.forever() {
+                if FLAG.swap(true, Ordering::Relaxed) {
+                    std::process::exit(130);
+                }
+                eprintln!("stopping; once more to stop at once");
             }
-            eprintln!("stopping; once more to stop at once");
-        })?;
+        });
     }
     Ok(&FLAG)
 }
