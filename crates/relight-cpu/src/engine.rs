@@ -15,9 +15,10 @@ use relight_field::sampling::{EngineConfig, Sampling, Shading};
 use crate::adam::{BiasCorrection, Moments};
 use crate::density_grid::DensityGrid;
 use crate::hash_grid::HashGrid;
-use crate::march::UnitCube;
+use crate::march::{UnitCube, along};
 use crate::networks::{Gradients, Networks};
 use crate::pool::Pool;
+use crate::probes::{Probes, ShadowLevel};
 use crate::samples::{Jitter, Marcher, SampleBatch};
 use crate::shade::CodedLight;
 use crate::state;
@@ -32,6 +33,8 @@ const DENSITY_DECAY: u64 = 32;
 /// Columns that a tile aims at: few enough for its activations to stay in the second-level cache, enough to fill
 /// the registers.
 const TILE_COLUMNS: usize = 192;
+/// Streams of the seed from here on place the samples of shadow rays; those below, of step after step, the others.
+const SHADOW_STREAM: u64 = 1 << 61;
 /// Partial sums of the network gradients. Their number, and so every sum, is the same for any number of threads.
 const LANES: usize = 32;
 
@@ -47,6 +50,8 @@ pub struct CpuEngine {
     correction: BiasCorrection,
     density: DensityGrid,
     batch: SampleBatch,
+    shadow_batch: SampleBatch,
+    shadow_level: ShadowLevel,
     feature_gradients: Vec<f32>,
     /// Densities at the columns of the batch, for the density grid.
     densities: Vec<f32>,
@@ -68,6 +73,9 @@ struct Sums {
     depth_penalty: f64,
     distortion: f64,
     depth_spread: f64,
+    /// Of the ratios of brightness that probes saw in shadows, and their number.
+    shadow: f64,
+    shadows: f64,
 }
 
 impl CpuEngine {
@@ -100,6 +108,8 @@ impl CpuEngine {
             correction: BiasCorrection::default(),
             density: DensityGrid::uniform(&field.bounds, DENSITY_RESOLUTION, field.density_scale),
             batch: SampleBatch::default(),
+            shadow_batch: SampleBatch::default(),
+            shadow_level: ShadowLevel::default(),
             feature_gradients: Vec::new(),
             densities: Vec::new(),
             lanes,
@@ -136,10 +146,32 @@ impl CpuEngine {
         (TILE_COLUMNS / columns).max(1)
     }
 
+    /// The probes of a batch, where they count.
+    fn probes(&mut self, batch: &RayBatch, settings: &StepSettings) -> Option<Probes> {
+        if !self.probing(batch, settings) {
+            return None;
+        }
+        let lights = batch.probe_lights.iter().map(|l| self.code_light(l)).collect();
+        let mut shadows = std::mem::take(&mut self.shadow_batch);
+        let jitter = Jitter(Some(Random::new(self.config.seed, SHADOW_STREAM + settings.step)));
+        let (samples, level) = (&self.batch, self.shadow_level);
+        let probes = Probes::trace(&self.marcher(), batch, samples, lights, level, &mut shadows, jitter);
+        self.shadow_batch = shadows;
+        Some(probes)
+    }
+
+    /// Whether a step looks at probes: they teach nothing to a field that knows no light.
+    fn probing(&self, batch: &RayBatch, settings: &StepSettings) -> bool {
+        let knows_light = self.field.architecture.light != LightInput::None;
+        knows_light && settings.probe_weight > 0.0 && !batch.probe_lights.is_empty()
+    }
+
     /// Forward and backward over all tiles; leaves gradients in the lanes and in `feature_gradients`.
-    fn tiles(&mut self, batch: &RayBatch, settings: &StepSettings) {
+    fn tiles(&mut self, batch: &RayBatch, settings: &StepSettings, probes: Option<&Probes>) {
         let (rays, lights) = (&batch.rays, batch.lights_per_ray);
         let coded: Vec<CodedLight> = batch.lights.iter().map(|l| self.code_light(l)).collect();
+        // A probe is one more pair, the last of its ray.
+        let pairs = lights + usize::from(probes.is_some());
         let n = rays.origins.len();
         let tiles = self.batch.tiles(rays);
         let columns = self.batch.columns;
@@ -168,15 +200,34 @@ impl CpuEngine {
                     let range = samples.range(rays, tile);
                     let first = range.start * lights;
                     let rays_here = samples.tile(&marcher, rays, tile);
-                    let light =
-                        |r: usize, l: usize| &coded[batch.light_index[first + r * lights + l] as usize];
-                    workspace.forward(simd, marcher.networks, shading, &rays_here, lights, light);
+                    let light = |r: usize, l: usize| match probes {
+                        Some(probes) if l == lights => &probes.lights[range.start + r],
+                        _ => &coded[batch.light_index[first + r * lights + l] as usize],
+                    };
+                    workspace.forward(simd, marcher.networks, shading, &rays_here, pairs, light);
                     colour_gradient.clear();
-                    let truth = &batch.colours[first..range.end * lights];
-                    for (colour, truth) in workspace.colours.iter().zip(truth) {
-                        let difference: [f32; 3] = std::array::from_fn(|c| colour[c] - truth[c]);
-                        lane.sums.squared_error += difference.iter().map(|d| f64::from(d * d)).sum::<f64>();
-                        colour_gradient.push(difference.map(|d| scale * d));
+                    for (r, colours) in workspace.colours.chunks_exact(pairs).enumerate() {
+                        let truth = &batch.colours[first + r * lights..first + (r + 1) * lights];
+                        for (colour, truth) in colours.iter().zip(truth) {
+                            let difference: [f32; 3] = std::array::from_fn(|c| colour[c] - truth[c]);
+                            lane.sums.squared_error +=
+                                difference.iter().map(|d| f64::from(d * d)).sum::<f64>();
+                            colour_gradient.push(difference.map(|d| scale * d));
+                        }
+                        let Some(probes) = probes else { continue };
+                        let ray = range.start + r;
+                        let point = along(rays_here.origins[r], rays_here.directions[r], workspace.depths[r]);
+                        let seen =
+                            truth.iter().enumerate().map(|(l, &colour)| (light(r, l).position, colour));
+                        let wanted = probes.wanted(ray, point, batch.probe_colours[ray], seen);
+                        colour_gradient.push(wanted.map_or([0.0; 3], |wanted| {
+                            let weight = settings.probe_weight * wanted.certainty * scale;
+                            std::array::from_fn(|c| weight * (colours[lights][c] - wanted.colour[c]))
+                        }));
+                        if let Some(ratio) = wanted.and_then(|wanted| wanted.shadow) {
+                            lane.sums.shadow += f64::from(ratio);
+                            lane.sums.shadows += 1.0;
+                        }
                     }
                     let regularisers = Regularisers {
                         depths: if batch.depths.is_empty() { &[] } else { &batch.depths[range] },
@@ -192,7 +243,7 @@ impl CpuEngine {
                         marcher.networks,
                         shading,
                         &rays_here,
-                        lights,
+                        pairs,
                         &colour_gradient,
                         &regularisers,
                         &mut lane.gradients,
@@ -250,10 +301,12 @@ impl Engine for CpuEngine {
         };
         let jitter = Jitter(Some(Random::new(self.config.seed, settings.step)));
         let mut samples = std::mem::take(&mut self.batch);
-        let tile_rays = self.tile_rays(total, lights);
+        let pairs = lights + usize::from(self.probing(batch, settings));
+        let tile_rays = self.tile_rays(total, pairs);
         samples.fill(&self.marcher(), &batch.rays, self.config.sampling, tile_rays, jitter);
         self.batch = samples;
-        self.tiles(batch, settings);
+        let probes = self.probes(batch, settings);
+        self.tiles(batch, settings, probes.as_ref());
 
         let mut sums = Sums::default();
         let (first, rest) = self.lanes.split_at_mut(1);
@@ -266,6 +319,8 @@ impl Engine for CpuEngine {
             sums.depth_penalty += lane.sums.depth_penalty;
             sums.distortion += lane.sums.distortion;
             sums.depth_spread += lane.sums.depth_spread;
+            sums.shadow += lane.sums.shadow;
+            sums.shadows += lane.sums.shadows;
         }
         let non_finite = |what: &str| EngineError::NonFinite { step: settings.step, what: what.into() };
         let stats = StepStats {
@@ -292,6 +347,9 @@ impl Engine for CpuEngine {
         }
         if matches!(self.config.sampling, Sampling::Guided { .. }) {
             self.observe(&batch.rays, settings.step);
+        }
+        if probes.is_some() {
+            self.shadow_level.observe(sums.shadow, sums.shadows);
         }
         let rate = settings.learning_rate;
         self.networks.step(&self.lanes[0].gradients, &mut self.moments, rate, &self.correction);
@@ -358,7 +416,7 @@ impl Engine for CpuEngine {
     }
 
     fn state(&self) -> Result<EngineState, EngineError> {
-        Ok(state::save(&self.grid, &self.moments, &self.density))
+        Ok(state::save(&self.grid, &self.moments, &self.density, self.shadow_level))
     }
 
     fn restore(&mut self, parameters: &Parameters, state: &EngineState) -> Result<(), EngineError> {
@@ -366,7 +424,8 @@ impl Engine for CpuEngine {
             return Err(EngineError::Shape("the checkpoint holds another field than this run's".into()));
         }
         let mut fresh = Self::new(parameters, self.config)?;
-        state::load(state, &mut fresh.grid, &mut fresh.moments, &mut fresh.density)?;
+        let (grid, moments, density) = (&mut fresh.grid, &mut fresh.moments, &mut fresh.density);
+        state::load(state, grid, moments, density, &mut fresh.shadow_level)?;
         *self = fresh;
         Ok(())
     }
@@ -404,6 +463,9 @@ fn check(batch: &RayBatch) -> Result<(), EngineError> {
     }
     if !batch.depths.is_empty() && batch.depths.len() != n {
         return wrong("depths must be as many as rays, or none");
+    }
+    if batch.probe_colours.len() != batch.probe_lights.len() || ![0, n].contains(&batch.probe_lights.len()) {
+        return wrong("probes must be as many as rays, or none");
     }
     if batch.light_index.iter().any(|&l| l as usize >= batch.lights.len()) {
         return wrong("a light index points past the lights");

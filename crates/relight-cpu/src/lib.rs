@@ -17,6 +17,7 @@ pub mod march;
 pub mod mlp;
 pub mod networks;
 pub mod pool;
+pub mod probes;
 pub mod samples;
 pub mod shade;
 mod state;

@@ -12,6 +12,8 @@ const UNIFORM_SHARE: f32 = 0.15;
 const UNIFORM_SHARE_DRAWING: f32 = 0.02;
 /// Largest opacity a cell may claim when samples are placed: some must fall behind a surface that may be wrong.
 const OPACITY_LIMIT: f32 = 0.5;
+/// Optical depth, by the density grid, below which a shadow ray counts as clear.
+const SHADING: f32 = 0.05;
 /// Cells that a ray looks at, at most; a ray through a cubic box meets fewer.
 const MOST_BINS: usize = 2048;
 /// Placing ends where less than this of the limited transmittance is left.
@@ -113,6 +115,26 @@ pub fn draw(
         let share = if mass[bin] > 0.0 { ((target - before) / mass[bin]).clamp(0.0, 1.0) } else { 0.5 };
         *t = start + share * (end(bin) - start);
     }
+}
+
+/// Whether the density grid knows of nothing between two distances that could shade what lies behind.
+pub fn is_clear(
+    grid: &DensityGrid,
+    cube: &UnitCube,
+    (origin, direction): ([f32; 3], [f32; 3]),
+    (near, far): (f32, f32),
+) -> bool {
+    let step = grid.cell_size().max((far - near) / MOST_BINS as f32);
+    let stretch = step / grid.cell_size();
+    let (o, mut depth) = (cube.map(origin), 0.0);
+    let d: [f32; 3] = std::array::from_fn(|a| direction[a] * cube.inverse_extent[a]);
+    for b in 0..((far - near) / step).ceil() as usize {
+        depth += grid.optical_depth(grid.cell(along(o, d, near + (b as f32 + 0.5) * step))) * stretch;
+        if depth > SHADING {
+            return false;
+        }
+    }
+    true
 }
 
 /// Memory for [`guided`], reused from ray to ray.

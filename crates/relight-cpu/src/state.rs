@@ -5,12 +5,18 @@ use relight_field::engine::{EngineError, EngineState, StateTensor};
 use crate::adam::Moments;
 use crate::density_grid::DensityGrid;
 use crate::hash_grid::HashGrid;
+use crate::probes::ShadowLevel;
 
 /// Names of the networks, in the order of their moments.
 const NETWORKS: [&str; 3] = ["geo", "rgb", "vis"];
 
 /// The state of an engine made of these parts.
-pub fn save(grid: &HashGrid, moments: &[Moments; 3], density: &DensityGrid) -> EngineState {
+pub fn save(
+    grid: &HashGrid,
+    moments: &[Moments; 3],
+    density: &DensityGrid,
+    shadows: ShadowLevel,
+) -> EngineState {
     let mut state = EngineState::new();
     let (m, v, updates) = grid.moments();
     state.insert("adam.grid.m".into(), StateTensor::F32(m));
@@ -21,6 +27,7 @@ pub fn save(grid: &HashGrid, moments: &[Moments; 3], density: &DensityGrid) -> E
         state.insert(format!("adam.{name}.v"), StateTensor::F32(moments.v.clone()));
         state.insert(format!("adam.{name}.updates"), StateTensor::U32(vec![moments.updates]));
     }
+    state.insert("shadows".into(), StateTensor::F32(vec![shadows.sum, shadows.count]));
     state.insert("density".into(), StateTensor::U8(density.cells().to_vec()));
     state
 }
@@ -34,6 +41,7 @@ pub fn load(
     grid: &mut HashGrid,
     moments: &mut [Moments; 3],
     density: &mut DensityGrid,
+    shadows: &mut ShadowLevel,
 ) -> Result<(), EngineError> {
     let missing = |name: &str| {
         EngineError::Shape(format!("the checkpoint lacks `{name}`, or holds it in another shape"))
@@ -62,6 +70,8 @@ pub fn load(
         let [updates] = u32s(&name)?[..] else { return Err(missing(&name)) };
         moments.updates = updates;
     }
+    let [sum, count] = f32s("shadows")?[..] else { return Err(missing("shadows")) };
+    *shadows = ShadowLevel { sum, count };
     match state.get("density") {
         Some(StateTensor::U8(cells)) if density.set_cells(cells) => Ok(()),
         _ => Err(missing("density")),

@@ -45,6 +45,11 @@ pub struct RayBatch {
     /// `[n]`: distance along each ray at which a surface is expected, metres; NaN where nothing is known. Empty if
     /// nothing is known of any ray.
     pub depths: Vec<f32>,
+    /// `[n]`: probes, one more light for each ray; empty if there are none. Engines that trace no shadows leave them out.
+    pub probe_lights: Vec<LightPose>,
+    /// `[n]`: the colour of each ray under its probe, sRGB in 0..1; NaN where nobody photographed it. The engine then
+    /// imagines it from the ray's other pairs and from the shadows that its own geometry casts.
+    pub probe_colours: Vec<[f32; 3]>,
 }
 
 /// What changes from step to step.
@@ -60,6 +65,8 @@ pub struct StepSettings {
     pub depth_margin: f32,
     /// Weight of the distortion loss (Barron et al. 2022, equation 15), which gathers a ray's weight in one place.
     pub distortion_weight: f32,
+    /// Weight of a probe beside a pair; 0 leaves probes out.
+    pub probe_weight: f32,
 }
 
 /// What a step did.

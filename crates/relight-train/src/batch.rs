@@ -31,6 +31,21 @@ fn light_spacing(scene: &Scene) -> f64 {
     sum / positions.len().max(1) as f64
 }
 
+/// One probe in so many is under a light that was photographed.
+const KNOWN_PROBES: usize = 8;
+
+/// Which lights rays are compared under.
+#[derive(Clone, Copy, Debug)]
+pub struct LightChoice {
+    /// Lights that each ray is compared under.
+    pub per_ray: usize,
+    /// In every step each light is moved by a random distance of up to this much along each axis, as a share of the
+    /// distance between neighbouring lights.
+    pub shift: f64,
+    /// The same for the probes, which stand where nobody photographed; 0: no probes.
+    pub probe_reach: f64,
+}
+
 /// Where one training view's rays come from.
 struct View {
     pose: Pose,
@@ -50,6 +65,8 @@ pub struct BatchSampler<'a> {
     lights: Vec<LightPose>,
     /// Half the width of the cube from which the shift of a light is drawn, metres.
     shift: f32,
+    /// The same for probes; 0 if there are none.
+    probe_reach: f32,
     views: Vec<View>,
     /// For each distinct set of intrinsics, `[x, y]` of every pixel's camera-frame direction `(x, y, 1)`, distortion
     /// removed.
@@ -60,10 +77,8 @@ pub struct BatchSampler<'a> {
 }
 
 impl<'a> BatchSampler<'a> {
-    /// A sampler of `rays` rays a step, each with `lights_per_ray` lights. Where no view has as many, rays have fewer
-    /// lights and there are more of them, so that a step compares as many pixels.
-    /// `depths` are those of the views of `store`. In every step each light is moved by a random distance of up to
-    /// `light_shift` times that between neighbouring lights, along each axis.
+    /// A sampler of `rays` rays a step. Where no view has as many lights as each is to have, rays have fewer lights and
+    /// there are more of them, so that a step compares as many pixels. `depths` are those of the views of `store`.
     ///
     /// # Errors
     /// [`TrainError::Data`] if there is nothing to draw from.
@@ -72,8 +87,7 @@ impl<'a> BatchSampler<'a> {
         store: &'a PixelStore,
         depths: Option<&'a DepthPrior>,
         rays: usize,
-        lights_per_ray: usize,
-        light_shift: f64,
+        lights: LightChoice,
         seed: u64,
     ) -> Result<Self, TrainError> {
         let mut known: Vec<Intrinsics> = Vec::new();
@@ -102,12 +116,13 @@ impl<'a> BatchSampler<'a> {
         Ok(Self {
             store,
             depths,
-            shift: light_shift as f32 * light_spacing(scene) as f32,
+            shift: (lights.shift * light_spacing(scene)) as f32,
+            probe_reach: (lights.probe_reach * light_spacing(scene)) as f32,
             lights: scene.lights.iter().map(|l| LightPose(l.pose.row_major_f32())).collect(),
             views,
             directions: known.iter().map(unprojected).collect(),
-            rays: rays * lights_per_ray / lights_per_ray.min(most),
-            lights_per_ray: lights_per_ray.min(most),
+            rays: rays * lights.per_ray / lights.per_ray.min(most),
+            lights_per_ray: lights.per_ray.min(most),
             seed,
         })
     }
@@ -129,7 +144,8 @@ impl<'a> BatchSampler<'a> {
         batch.depths.resize(if self.depths.is_some() { n } else { 0 }, f32::NAN);
 
         let random = Random::new(self.seed, FIRST_STREAM + step);
-        let draws = 2 + k as u64;
+        // View, pixel, lights, and four for the probe.
+        let draws = 2 + k as u64 + 4;
         batch
             .rays
             .origins
@@ -159,6 +175,7 @@ impl<'a> BatchSampler<'a> {
                     *light = held[slot];
                 }
             });
+        self.fill_probes(random, draws, batch);
         if let Some(prior) = self.depths {
             batch.depths.par_iter_mut().with_min_len(64).enumerate().for_each(|(ray, depth)| {
                 let (v, pixel) = self.pixel(random, ray as u64 * draws);
@@ -168,17 +185,34 @@ impl<'a> BatchSampler<'a> {
         }
     }
 
+    /// Each ray's probe: the colour that was photographed under some light, or a place where no light stood.
+    fn fill_probes(&self, random: Random, draws: u64, batch: &mut RayBatch) {
+        let n = if self.probe_reach > 0.0 { self.rays } else { 0 };
+        batch.probe_lights.resize(n, LightPose([0.0; 12]));
+        batch.probe_colours.resize(n, [f32::NAN; 3]);
+        let probes = batch.probe_lights.par_iter_mut().zip(&mut batch.probe_colours);
+        probes.enumerate().with_min_len(64).for_each(|(ray, (light, colour))| {
+            let first = ray as u64 * draws;
+            let (v, pixel) = self.pixel(random, first);
+            let own = first + draws - 4;
+            let slot = random.below_at(own, self.store.lights(v).len() as u32) as usize;
+            *light = self.lights[self.store.lights(v)[slot] as usize];
+            *colour = if ray % KNOWN_PROBES == 0 {
+                self.store.pixel(v, pixel)[slot].map(|c| f32::from(c) / 255.0)
+            } else {
+                move_light(light, self.probe_reach, |axis| random.uniform_at(own + 1 + axis));
+                [f32::NAN; 3]
+            };
+        });
+    }
+
     /// The lights of `step`. A field that has only ever seen a light in one place may do anything between that place
     /// and the next; moved a little, lights teach it to go evenly from one to the other.
     fn shift_lights(&self, step: u64, lights: &mut Vec<LightPose>) {
         lights.clone_from(&self.lights);
         let random = Random::new(self.seed, SHIFT_STREAM + step);
         for (i, light) in lights.iter_mut().enumerate() {
-            // Column 3 of the pose is the position.
-            for (draw, number) in [3, 7, 11].into_iter().enumerate() {
-                let share = 2.0 * random.uniform_at((3 * i + draw) as u64) - 1.0;
-                light.0[number] += share * self.shift;
-            }
+            move_light(light, self.shift, |axis| random.uniform_at(3 * i as u64 + axis));
         }
     }
 
@@ -190,6 +224,14 @@ impl<'a> BatchSampler<'a> {
         let v = self.views.partition_point(|view| view.pairs_before_next <= chosen);
         let pixels = self.store.pixels(v) as u32;
         (v, random.below_at(first + 1, pixels) as usize)
+    }
+}
+
+/// Moves a light by up to `reach` along each axis; `uniform(axis)` is a random number in 0..1.
+fn move_light(light: &mut LightPose, reach: f32, uniform: impl Fn(u64) -> f32) {
+    // Column 3 of the pose is the position.
+    for (axis, number) in [3, 7, 11].into_iter().enumerate() {
+        light.0[number] += (2.0 * uniform(axis as u64) - 1.0) * reach;
     }
 }
 

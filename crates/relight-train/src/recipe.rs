@@ -18,6 +18,9 @@ pub struct Recipe {
     /// Farthest that a light is moved at random along each axis, in every step anew, as a share of the distance
     /// between neighbouring lights.
     pub light_shift: f64,
+    /// Farthest that a light nobody photographed is moved at random from one that somebody did, along each axis, as a
+    /// share of the distance between neighbouring lights; 0: no such lights, and so no probes.
+    pub probe_reach: f64,
     /// Whether stereo on the training images tells, before the first step, where surfaces are expected.
     pub stereo: bool,
     /// Optical depth of the box's edge at logit zero: how thick the fog is that training starts in.
@@ -47,6 +50,8 @@ pub struct Recipe {
     pub learning_rate: Schedule,
     /// Weight of the penalty on ray weight far from the depth that stereo expects.
     pub depth_weight: Schedule,
+    /// Weight of each ray's colour under a light that nobody photographed, beside those of photographs.
+    pub probe_weight: Schedule,
     /// Weight of the distortion loss.
     pub distortion_weight: Schedule,
     /// The hash grid.
@@ -63,6 +68,7 @@ impl Recipe {
             rays_per_step: 4096,
             lights_per_ray: 1,
             light_shift: 0.0,
+            probe_reach: 0.0,
             stereo: false,
             density_scale: 2.0,
             depth_margin: 0.0,
@@ -76,6 +82,7 @@ impl Recipe {
             shading: Shading::PerSample,
             learning_rate: Schedule::Constant(1e-2),
             depth_weight: Schedule::Constant(0.0),
+            probe_weight: Schedule::Constant(0.0),
             distortion_weight: Schedule::Constant(0.0),
             grid: GridConfig::default(),
         }
@@ -88,6 +95,7 @@ impl Recipe {
             rays_per_step: 512,
             lights_per_ray: 12,
             light_shift: 0.4,
+            probe_reach: 1.3,
             stereo: true,
             density_scale: 0.1,
             depth_margin: 0.015,
@@ -101,6 +109,7 @@ impl Recipe {
             shading: Shading::Deferred,
             learning_rate: Schedule::Exponential { from: 1e-2, to: 3e-4 },
             depth_weight: Schedule::Linear { from: 0.1, to: 0.0, start: 0.0, end: 0.25 },
+            probe_weight: Schedule::Linear { from: 0.0, to: 2.5, start: 0.15, end: 0.2 },
             ..Self::paper()
         }
     }
@@ -129,6 +138,9 @@ impl Recipe {
         if !(self.light_shift.is_finite() && (0.0..=2.0).contains(&self.light_shift)) {
             return fault("light-shift", "0 to 2 times the distance between lights");
         }
+        if !(self.probe_reach.is_finite() && (0.0..=4.0).contains(&self.probe_reach)) {
+            return fault("probe-reach", "0 to 4 times the distance between lights");
+        }
         if self.rays_per_step * self.lights_per_ray > 1 << 22 {
             return fault("rays-per-step times lights-per-ray", "at most 4194304");
         }
@@ -156,6 +168,7 @@ impl Recipe {
         for (name, schedule) in [
             ("learning-rate", &self.learning_rate),
             ("depth-weight", &self.depth_weight),
+            ("probe-weight", &self.probe_weight),
             ("distortion-weight", &self.distortion_weight),
         ] {
             if !schedule.is_valid() {

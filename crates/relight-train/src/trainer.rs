@@ -11,7 +11,7 @@ use relight_scene::{PixelStore, Scene, Splits};
 use relight_stereo::DepthPrior;
 
 use crate::TrainError;
-use crate::batch::BatchSampler;
+use crate::batch::{BatchSampler, LightChoice};
 use crate::checkpoint::{Best, Checkpoint, Standing};
 use crate::guide_file;
 use crate::metrics_log::{MetricsLog, Report};
@@ -126,8 +126,11 @@ impl<'a> Trainer<'a> {
             data.pixels,
             data.depths,
             recipe.rays_per_step,
-            recipe.lights_per_ray,
-            recipe.light_shift,
+            LightChoice {
+                per_ray: recipe.lights_per_ray,
+                shift: recipe.light_shift,
+                probe_reach: recipe.probe_reach,
+            },
             u64::from(config.seed),
         )?;
         let validation = Validation::load(data.scene, &data.splits.val, recipe.validation_pixels)?;
@@ -239,6 +242,7 @@ impl<'a> Trainer<'a> {
             depth_weight: recipe.depth_weight.at(progress) as f32,
             depth_margin: recipe.depth_margin as f32 * self.config.bounds.longest_edge(),
             distortion_weight: recipe.distortion_weight.at(progress) as f32,
+            probe_weight: recipe.probe_weight.at(progress) as f32,
         };
         let non_finite = |what: String| TrainError::NonFinite {
             step,

@@ -8,7 +8,11 @@ use std::ops::ControlFlow;
 use relight_field::engine::RayBatch;
 use relight_scene::{PixelStore, scene_bounds};
 use relight_stereo::{DepthPrior, StereoSettings};
-use relight_train::batch::BatchSampler;
+use relight_train::batch::{BatchSampler, LightChoice};
+
+fn lights(per_ray: usize, shift: f64, probe_reach: f64) -> LightChoice {
+    LightChoice { per_ray, shift, probe_reach }
+}
 
 #[test]
 fn each_pair_is_the_pixel_that_its_ray_goes_through() {
@@ -17,7 +21,8 @@ fn each_pair_is_the_pixel_that_its_ray_goes_through() {
     let bounds = scene_bounds(&data.scene);
     let settings = StereoSettings { confirmations: 0, ..StereoSettings::default() };
     let depths = DepthPrior::estimate(&data.scene, &data.pixels, &bounds, &settings).unwrap();
-    let sampler = BatchSampler::new(&data.scene, &data.pixels, Some(&depths), 200, 3, 0.0, 1).unwrap();
+    let sampler =
+        BatchSampler::new(&data.scene, &data.pixels, Some(&depths), 200, lights(3, 0.0, 0.0), 1).unwrap();
     let mut batch = RayBatch::default();
     sampler.fill(5, &mut batch);
     assert_eq!((batch.rays.origins.len(), batch.colours.len(), batch.lights_per_ray), (200, 600, 3));
@@ -56,7 +61,7 @@ fn each_pair_is_the_pixel_that_its_ray_goes_through() {
 fn all_images_are_drawn_equally_often() {
     let folder = tempfile::tempdir().unwrap();
     let data = common::tiny_scene(folder.path());
-    let sampler = BatchSampler::new(&data.scene, &data.pixels, None, 1000, 2, 0.0, 3).unwrap();
+    let sampler = BatchSampler::new(&data.scene, &data.pixels, None, 1000, lights(2, 0.0, 0.0), 3).unwrap();
     let mut counts = HashMap::<(u32, u32), f64>::new();
     let mut batch = RayBatch::default();
     for step in 0..50 {
@@ -78,7 +83,8 @@ fn a_batch_depends_on_seed_and_step_and_on_nothing_else() {
     let data = common::tiny_scene(folder.path());
     let draw = |threads: usize, seed: u64, step: u64| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let sampler = BatchSampler::new(&data.scene, &data.pixels, None, 500, 2, 0.0, seed).unwrap();
+        let sampler =
+            BatchSampler::new(&data.scene, &data.pixels, None, 500, lights(2, 0.0, 0.0), seed).unwrap();
         let mut batch = RayBatch::default();
         // What the buffers held before must not matter.
         sampler.fill(99, &mut batch);
@@ -95,7 +101,7 @@ fn rays_carry_as_many_lights_as_the_richest_view_has() {
     let folder = tempfile::tempdir().unwrap();
     let data = common::tiny_scene(folder.path());
     let most = (0..data.pixels.views()).map(|v| data.pixels.lights(v).len()).max().unwrap();
-    let sampler = BatchSampler::new(&data.scene, &data.pixels, None, 10, 100, 0.0, 0).unwrap();
+    let sampler = BatchSampler::new(&data.scene, &data.pixels, None, 10, lights(100, 0.0, 0.0), 0).unwrap();
     assert_eq!(sampler.lights_per_ray(), most);
     let mut batch = RayBatch::default();
     sampler.fill(0, &mut batch);
@@ -113,7 +119,7 @@ fn a_view_with_one_light_shows_it_again() {
     let kept = data.scene.frames[frames[0]].light as u32;
     frames.extend(rest);
     let pixels = PixelStore::load(&data.scene, &frames, &|_, _| ControlFlow::Continue(())).unwrap();
-    let sampler = BatchSampler::new(&data.scene, &pixels, None, 2000, 3, 0.0, 1).unwrap();
+    let sampler = BatchSampler::new(&data.scene, &pixels, None, 2000, lights(3, 0.0, 0.0), 1).unwrap();
     let mut batch = RayBatch::default();
     sampler.fill(0, &mut batch);
     let origin = data.scene.cameras[poor].pose.position().map(|c| c as f32);
@@ -134,7 +140,8 @@ fn lights_are_moved_a_little_in_every_step() {
     let folder = tempfile::tempdir().unwrap();
     let data = common::tiny_scene(folder.path());
     let drawn = |shift: f64, step: u64| {
-        let sampler = BatchSampler::new(&data.scene, &data.pixels, None, 10, 2, shift, 1).unwrap();
+        let sampler =
+            BatchSampler::new(&data.scene, &data.pixels, None, 10, lights(2, shift, 0.0), 1).unwrap();
         let mut batch = RayBatch::default();
         sampler.fill(step, &mut batch);
         batch.lights
@@ -148,4 +155,48 @@ fn lights_are_moved_a_little_in_every_step() {
             assert!(if n % 4 == 3 { (a - b).abs() < 0.5 } else { a == b }, "{n}: {a} {b}");
         }
     }
+}
+
+#[test]
+fn probes_are_photographs_or_stand_where_nobody_took_any() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = common::tiny_scene(folder.path());
+    let drawn = |reach: f64| {
+        let sampler =
+            BatchSampler::new(&data.scene, &data.pixels, None, 400, lights(2, 0.0, reach), 1).unwrap();
+        let mut batch = RayBatch::default();
+        sampler.fill(3, &mut batch);
+        batch
+    };
+    let none = drawn(0.0);
+    assert!(none.probe_lights.is_empty() && none.probe_colours.is_empty());
+    let batch = drawn(0.5);
+    assert_eq!((batch.probe_lights.len(), batch.probe_colours.len()), (400, 400));
+    // Lights of the training split: those of the test splits must not be hinted at.
+    let trained: Vec<[f32; 3]> = (0..data.scene.lights.len() as u32)
+        .filter(|l| (0..data.pixels.views()).any(|v| data.pixels.lights(v).contains(l)))
+        .map(|l| data.scene.lights[l as usize].pose.position().map(|c| c as f32))
+        .collect();
+    assert!(trained.len() < data.scene.lights.len());
+    let nearest = |p: [f32; 3]| {
+        let distance = |l: &[f32; 3]| (0..3).map(|a| (l[a] - p[a]).abs()).fold(0f32, f32::max);
+        trained.iter().map(distance).fold(f32::INFINITY, f32::min)
+    };
+    let mut photographed = 0;
+    for ray in 0..400 {
+        let (light, colour) = (batch.probe_lights[ray], batch.probe_colours[ray]);
+        if colour[0].is_nan() {
+            assert!(nearest(light.position()) > 0.0, "moved");
+            continue;
+        }
+        photographed += 1;
+        assert_eq!(nearest(light.position()), 0.0);
+        // The same pixel under the same light, where both were drawn, has the same colour.
+        for pair in 2 * ray..2 * ray + 2 {
+            if batch.lights[batch.light_index[pair] as usize] == light {
+                assert_eq!(batch.colours[pair], colour);
+            }
+        }
+    }
+    assert_eq!(photographed, 50);
 }

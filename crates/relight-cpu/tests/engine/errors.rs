@@ -15,6 +15,7 @@ const SETTINGS: StepSettings = StepSettings {
     depth_weight: 0.0,
     depth_margin: 0.1,
     distortion_weight: 0.0,
+    probe_weight: 0.5,
 };
 
 fn refused<T>(result: Result<T, EngineError>) -> String {
@@ -44,6 +45,8 @@ fn batches_that_contradict_themselves() {
     refuse(&|b| b.lights.clear(), "past the lights");
     refuse(&|b| b.colours.truncate(11), "colours");
     refuse(&|b| b.depths.truncate(5), "depths");
+    refuse(&|b| b.probe_lights.truncate(5), "probes");
+    refuse(&|b| b.probe_colours.clear(), "probes");
     assert_eq!(engine.parameters().unwrap(), before);
     // Without any expected depths a batch is fine.
     let mut batch = batch(6, 2);

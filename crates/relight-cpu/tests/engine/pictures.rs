@@ -94,6 +94,7 @@ fn colours_equal_the_oracles() {
             depth_weight: 0.0,
             depth_margin: 1.0,
             distortion_weight: 0.0,
+            probe_weight: 0.0,
         };
         for r in 0..n {
             let one = RayBatch {
@@ -103,7 +104,7 @@ fn colours_equal_the_oracles() {
                 light_index: vec![0],
                 // Against the colour drawn, nothing is left of the loss if it is the oracle's.
                 colours: vec![drawn.colour[r]],
-                depths: Vec::new(),
+                ..RayBatch::default()
             };
             let loss = loss_and_gradient(&field, shading, &one, &plain[r..=r], &still).unwrap().colour;
             // Samples of less than 1e-4 in all are not shaded.

@@ -19,7 +19,14 @@ const CONFIGS: [EngineConfig; 2] = [
 ];
 
 fn settings(step: u64) -> StepSettings {
-    StepSettings { step, learning_rate: 0.01, depth_weight: 0.1, depth_margin: 0.05, distortion_weight: 0.05 }
+    StepSettings {
+        step,
+        learning_rate: 0.01,
+        depth_weight: 0.1,
+        depth_margin: 0.05,
+        distortion_weight: 0.05,
+        probe_weight: 0.5,
+    }
 }
 
 fn engine(config: EngineConfig) -> CpuEngine {

@@ -166,6 +166,7 @@ fn losses_and_gradients<R: Real>(tolerance: f64) {
         light_index: given.light_index.concat(),
         colours: given.colours.concat(),
         depths: given.depths.iter().map(|d| d.unwrap_or(f32::NAN)).collect(),
+        ..RayBatch::default()
     };
     let to_real = |v: &Vec<f64>| v.iter().map(|&v| R::from_f64(v)).collect();
     let samples: Vec<RaySamples<R>> = given

@@ -74,5 +74,12 @@ pub fn samples<R: Real>(rays: usize) -> Vec<RaySamples<R>> {
 
 /// Settings of step 0.
 pub fn settings(depth_weight: f32, distortion_weight: f32) -> StepSettings {
-    StepSettings { step: 0, learning_rate: 1e-2, depth_weight, depth_margin: 0.1, distortion_weight }
+    StepSettings {
+        step: 0,
+        learning_rate: 1e-2,
+        depth_weight,
+        depth_margin: 0.1,
+        distortion_weight,
+        probe_weight: 0.0,
+    }
 }

@@ -1,0 +1,62 @@
+//! Shadow rays against closed forms.
+
+use fearless_simd::Level;
+use relight_cpu::density_grid::DensityGrid;
+use relight_cpu::probes::{Probes, ShadowLevel};
+use relight_cpu::samples::{Jitter, SampleBatch};
+use relight_field::architecture::V5;
+use relight_field::engine::RayBatch;
+use relight_field::random::Random;
+use relight_field::sampling::Sampling;
+
+use crate::common::*;
+
+/// Density of a field whose features are all zero: that of logit zero.
+const FOG: f32 = 2.0;
+
+/// Share of a lamp that passes through fog to where a ray ends, and the height of that place.
+fn through_fog(density: f32, lamp: [f32; 3]) -> (f32, f32) {
+    let mut parameters = field(V5);
+    parameters.table.fill(0.0);
+    let mut parts = Parts::new(&parameters);
+    parts.density = DensityGrid::uniform(&BOUNDS, 16, density);
+    let marcher = parts.marcher(Level::new());
+    // Straight down, into the fog as far as it goes on average.
+    let mut batch = RayBatch { lights_per_ray: 1, ..RayBatch::default() };
+    batch.rays.origins.push([0.1, 0.1, 1.2]);
+    batch.rays.directions.push([0.0, 0.0, -1.0]);
+    let jitter = Jitter(Some(Random::new(1, 0)));
+    let mut samples = SampleBatch::default();
+    samples.fill(&marcher, &batch.rays, Sampling::Guided { samples: 200 }, 1, jitter);
+    let depth = 0.5 + (1.0 - (-FOG * 0.7f32).exp()) / FOG;
+    let point = [0.1, 0.1, 1.2 - depth];
+    let light = coded(&[relight_field::engine::LightPose([
+        1.0, 0.0, 0.0, lamp[0], 0.0, 1.0, 0.0, lamp[1], 0.0, 0.0, 1.0, lamp[2],
+    ])]);
+    let shadow = ShadowLevel { sum: 0.0, count: 100.0 };
+    let mut memory = SampleBatch::default();
+    let probes = Probes::trace(&marcher, &batch, &samples, light, shadow, &mut memory, jitter);
+    // Shadows are black and the light is white: the colour is what arrives.
+    let pairs = std::iter::once((lamp, [1.0; 3]));
+    let wanted = probes.wanted(0, point, [f32::NAN; 3], pairs).unwrap();
+    (wanted.colour[0], point[2])
+}
+
+#[test]
+fn fog_between_a_surface_and_a_lamp_dims_it() {
+    // Shadow rays start one and a half cells of the density grid away from the surface.
+    let gap = 1.5 * 0.7 / 16.0;
+    // A lamp above the box: the fog ends at its roof.
+    let (arrived, height) = through_fog(FOG, [0.1, 0.1, 3.0]);
+    let expected = FOG * (0.7 - height - gap);
+    assert!((-arrived.ln() / expected - 1.0).abs() < 0.1, "{} {expected}", -arrived.ln());
+    // A lamp inside it: only what lies before it counts.
+    let (arrived, height) = through_fog(FOG, [0.1, 0.1, 0.5]);
+    let expected = FOG * (0.5 - height - gap);
+    assert!((-arrived.ln() / expected - 1.0).abs() < 0.2, "{} {expected}", -arrived.ln());
+}
+
+#[test]
+fn nothing_dims_a_lamp_where_the_density_grid_knows_of_nothing() {
+    assert_eq!(through_fog(0.0, [0.1, 0.1, 3.0]).0, 1.0);
+}
