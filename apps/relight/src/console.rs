@@ -2,17 +2,15 @@
 
 use std::io::{IsTerminal, Write};
 use std::ops::ControlFlow;
-use std::sync::Mutex;
-use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread;
+use std::sync::{Arc, LazyLock, Mutex, OnceLock};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use signal_hook::consts::{SIGINT, SIGTERM};
-use signal_hook::iterator::Signals;
+use signal_hook::flag;
 
 /// Time between plain lines of progress.
 const LINE_EVERY: Duration = Duration::from_secs(10);
@@ -113,18 +111,15 @@ impl Progress {
 /// A flag that the first Ctrl-C or SIGTERM sets; the second ends the program at once. The end of the terminal is left
 /// alone, so that `nohup` means what it says.
 pub fn cancel_flag() -> anyhow::Result<&'static AtomicBool> {
-    static FLAG: AtomicBool = AtomicBool::new(false);
-    static HANDLER: OnceLock<()> = OnceLock::new();
-    if HANDLER.set(()).is_ok() {
-        let mut signals = Signals::new([SIGINT, SIGTERM])?;
-        thread::spawn(move || {
-            for _ in signals.forever() {
-                if FLAG.swap(true, Ordering::Relaxed) {
-                    std::process::exit(130);
-                }
-                eprintln!("stopping; once more to stop at once");
-            }
-        });
+    static FLAG: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
+    static HANDLERS: OnceLock<()> = OnceLock::new();
+    if HANDLERS.get().is_none() {
+        for signal in [SIGINT, SIGTERM] {
+            // In this order: the first signal finds the flag unset, and sets it.
+            flag::register_conditional_shutdown(signal, 130, Arc::clone(&FLAG))?;
+            flag::register(signal, Arc::clone(&FLAG))?;
+        }
+        HANDLERS.get_or_init(|| ());
     }
     Ok(&FLAG)
 }
