@@ -228,6 +228,8 @@ fn pipes_and_devices_are_not_waited_for() {
     for (file, arguments) in [
         ("guide.safetensors", "eval run"),
         ("checkpoint/latest.safetensors", "train scene --out run --resume"),
+        ("lock", "train scene --out run --resume"),
+        ("metrics.jsonl", "train scene --out run --resume"),
         ("weights.safetensors", "eval run"),
         ("config.toml", "eval run"),
     ] {

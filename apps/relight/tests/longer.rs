@@ -27,7 +27,9 @@ fn scores(run: &Path, split: &str) -> Value {
 fn scenes() -> Vec<PathBuf> {
     let root = std::env::var_os("RELIGHT_SCENES").expect("RELIGHT_SCENES names a folder of scenes");
     let folders = std::fs::read_dir(root).unwrap().map(|entry| entry.unwrap().path());
-    folders.filter(|path| path.join("lset000").is_dir()).collect()
+    let scenes: Vec<PathBuf> = folders.filter(|path| path.join("lset000").is_dir()).collect();
+    assert!(!scenes.is_empty(), "RELIGHT_SCENES holds no scene");
+    scenes
 }
 
 #[test]

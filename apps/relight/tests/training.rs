@@ -99,6 +99,18 @@ mod stopping {
 }
 
 #[test]
+fn a_run_that_was_killed_before_its_first_checkpoint_is_begun_again_as_it_was() {
+    let shop = Workshop::new();
+    let asked = "--model v3 --seed 7 --steps 30";
+    shop.succeed(&format!("train scene --out whole --recipe recipe.toml {asked}"));
+    std::fs::create_dir(shop.path("killed")).unwrap();
+    std::fs::copy(shop.path("whole/config.toml"), shop.path("killed/config.toml")).unwrap();
+    shop.succeed("train scene --out killed --resume");
+    let weights = |run: &str| std::fs::read(shop.path(run).join("weights.safetensors")).unwrap();
+    assert!(weights("killed") == weights("whole"));
+}
+
+#[test]
 fn without_a_budget_training_ends_when_validation_stops_improving() {
     let recipe = format!("horizon = 15\npatience = 2\nimprovement = 1000.0\n{TINY}");
     let shop = Workshop::with(DemoScene { views: 8, lights: 6, width: 24, height: 18 }, &recipe);

@@ -140,7 +140,7 @@ impl Checkpoint {
     /// # Errors
     /// [`TrainError::Run`] if it is not a checkpoint of that field; [`TrainError::Scene`] if it cannot be read.
     pub fn load(path: &Path, mut parameters: Parameters) -> Result<Option<Self>, TrainError> {
-        if !path.exists() {
+        if !path.try_exists().map_err(TrainError::io(path))? {
             return Ok(None);
         }
         let weights: usize = parameters.tensors().iter().map(|(_, _, values)| size_of_val(*values)).sum();

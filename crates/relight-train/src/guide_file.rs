@@ -40,7 +40,7 @@ pub(crate) fn save(guide: &[u8], path: &Path) -> Result<(), TrainError> {
 /// # Errors
 /// [`TrainError::Run`] if it is no guide; [`TrainError::Scene`] if it cannot be read.
 pub fn load(path: &Path) -> Result<Option<Vec<u8>>, TrainError> {
-    if !path.exists() {
+    if !path.try_exists().map_err(TrainError::io(path))? {
         return Ok(None);
     }
     let bytes = read_bytes(path, LONGEST)?;

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::TrainError;
+use crate::run::refuse_special;
 
 /// One line.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -45,6 +46,7 @@ pub(crate) struct MetricsLog {
 impl MetricsLog {
     /// Opens the file at `path`, keeping its first `keep` bytes: the lines that a checkpoint knows of.
     pub fn open(path: &Path, keep: u64) -> Result<Self, TrainError> {
+        refuse_special(path)?;
         let opened = || {
             let file = OpenOptions::new().append(true).create(true).open(path)?;
             let bytes = file.metadata()?.len().min(keep);

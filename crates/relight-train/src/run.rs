@@ -10,7 +10,7 @@
 //!     lock                             empty; locked by the training that is at work
 //! ```
 
-use std::fs::{self, File, TryLockError};
+use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
@@ -200,6 +200,11 @@ impl RunFolder {
         run.config().is_file() && (run.checkpoint().is_file() || run.weights().is_file())
     }
 
+    /// Whether a run was begun in `root`, even if nothing was learnt in it yet.
+    pub fn is_begun(root: &Path) -> bool {
+        Self { root: root.to_owned(), _lock: None }.config().is_file()
+    }
+
     /// Opens the run in `root` to train it further, and keeps others from doing so.
     ///
     /// # Errors
@@ -292,7 +297,9 @@ impl RunFolder {
 /// Locks the folder of a run for as long as the file is open: also a kill gives it free.
 fn lock(root: &Path) -> Result<File, TrainError> {
     let path = root.join(LOCK);
-    let file = File::create(&path).map_err(TrainError::io(&path))?;
+    refuse_special(&path)?;
+    let file = OpenOptions::new().write(true).create(true).truncate(false).open(&path);
+    let file = file.map_err(TrainError::io(&path))?;
     match file.try_lock() {
         Ok(()) => Ok(file),
         Err(TryLockError::WouldBlock) => {
@@ -305,6 +312,16 @@ fn lock(root: &Path) -> Result<File, TrainError> {
             tracing::warn!("{}: cannot be locked ({error}): start no second training there", path.display());
             Ok(file)
         }
+    }
+}
+
+/// Refuses what is there already and is no plain file: opening a pipe may never end.
+pub(crate) fn refuse_special(path: &Path) -> Result<(), TrainError> {
+    match fs::symlink_metadata(path) {
+        Ok(found) if !found.is_file() => Err(TrainError::run(path, "is not a plain file: remove it")),
+        Ok(_) => Ok(()),
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
+        Err(error) => Err(TrainError::io(path)(error)),
     }
 }
 

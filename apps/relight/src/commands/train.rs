@@ -92,8 +92,11 @@ impl Preset {
 
 pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     engines::check(args.device)?;
-    let (run, config, data) =
-        if args.resume && RunFolder::exists(&args.out) { resume(args, quiet)? } else { begin(args, quiet)? };
+    let (run, config, data) = if args.resume && RunFolder::is_begun(&args.out) {
+        resume(args, quiet)?
+    } else {
+        begin(args, quiet)?
+    };
     let outcome = train(&run, &config, &data, args.device, args.json, quiet)?;
     match outcome.ending {
         Ending::Budget | Ending::Plateau => Ok(()),
