@@ -140,10 +140,11 @@ fn check_each_camera(scene: &Scene, target: Vector, files: &[PathBuf], faults: &
     }
     let right = Reading::of(scene.layout);
     for (index, (camera, path)) in scene.cameras.iter().zip(files).enumerate() {
-        let name = camera_name(scene, index);
+        let name = || camera_name(scene, index);
         if distance(&camera.pose) > FARTHER * usual {
             let problem = format!(
-                "{name} stands {:.3} m from the scene, the others about {usual:.3} m",
+                "{} stands {:.3} m from the scene, the others about {usual:.3} m",
+                name(),
                 distance(&camera.pose)
             );
             let mend = "Poses are in metres: this one looks like millimetres.";
@@ -163,12 +164,12 @@ fn check_each_camera(scene: &Scene, target: Vector, files: &[PathBuf], faults: &
         let meant = likely.min_by(|&a, &b| off(a).total_cmp(&off(b)));
         let degrees = as_is.to_degrees();
         if let Some(reading) = meant {
-            let problem = format!("{name} looks {degrees:.0} degrees away from what all others look at");
+            let problem = format!("{} looks {degrees:.0} degrees away from what all others look at", name());
             let (rule, kind) = (right.rule(), reading.unlike(right));
             let mend = format!("{rule}; this one looks {kind}: {}.", reading.mend(right));
             faults.error(FaultKind::Convention, path, problem, &mend);
         } else {
-            let problem = format!("{name} looks {degrees:.0} degrees away from what the others look at");
+            let problem = format!("{} looks {degrees:.0} degrees away from what the others look at", name());
             let mend = format!("{}: check this one, unless it is meant.", right.rule());
             faults.warning(FaultKind::Convention, path, problem, &mend);
         }

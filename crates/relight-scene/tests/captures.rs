@@ -11,7 +11,9 @@ fn scenes() -> Vec<PathBuf> {
     let folders = std::fs::read_dir(root)
         .expect("the folder can be listed")
         .map(|entry| entry.expect("an entry").path());
-    folders.filter(|path| path.join("lset000").is_dir()).collect()
+    let scenes: Vec<PathBuf> = folders.filter(|path| path.join("lset000").is_dir()).collect();
+    assert!(!scenes.is_empty(), "RELIGHT_SCENES holds no scene");
+    scenes
 }
 
 #[test]
