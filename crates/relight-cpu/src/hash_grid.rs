@@ -97,7 +97,7 @@ impl HashGrid {
     }
 
     /// Takes one optimiser step along `gradients`, laid out like the features of [`HashGrid::encode`]. Entries that
-    /// no sample touched keep their weights and moments, and cost nothing.
+    /// no sample touched keep their weights and moments.
     pub fn step(
         &mut self,
         simd: Level,

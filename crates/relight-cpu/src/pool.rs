@@ -1,4 +1,4 @@
-//! Memory that threads borrow and give back, so that nothing is allocated in the training loop.
+//! Memory that threads borrow and give back, so that the large arrays of a step are allocated once.
 
 use std::sync::{Mutex, PoisonError};
 

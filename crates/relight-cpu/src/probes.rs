@@ -90,19 +90,25 @@ impl Probes {
     ) -> Self {
         let points = surfaces(marcher, &batch.rays, samples);
         let mut transmittance = vec![1.0; points.len()];
-        let (mut rays, mut lengths, mut shaded) = (Rays::default(), Vec::new(), Vec::new());
-        for (i, (&point, light)) in points.iter().zip(&lights).enumerate() {
+        // Most see their light through empty cells: nothing has to be evaluated for those.
+        let gap = CLEARANCE * marcher.density.cell_size();
+        let stopped = |(&point, light): (&[f32; 3], &CodedLight)| {
             let (direction, length) = toward(point, light.position);
-            let gap = CLEARANCE * marcher.density.cell_size();
             let (origin, length) = (along(point, direction, gap), (length - gap).max(0.0));
             let (near, far) = marcher.cube.clip(origin, direction);
             let span = (near, far.min(length));
-            if !march::is_clear(marcher.density, &marcher.cube, (origin, direction), span) {
-                rays.origins.push(origin);
-                rays.directions.push(direction);
-                lengths.push(length);
-                shaded.push(i);
-            }
+            let clear = march::is_clear(marcher.density, &marcher.cube, (origin, direction), span);
+            (!clear).then_some((origin, direction, length))
+        };
+        let found: Vec<_> = points.par_iter().zip(&lights).with_min_len(32).map(stopped).collect();
+        let (mut rays, mut lengths, mut shaded) = (Rays::default(), Vec::new(), Vec::new());
+        for (i, (origin, direction, length)) in
+            found.into_iter().enumerate().filter_map(|(i, f)| Some((i, f?)))
+        {
+            rays.origins.push(origin);
+            rays.directions.push(direction);
+            lengths.push(length);
+            shaded.push(i);
         }
         let sampling = Sampling::Guided { samples: SHADOW_SAMPLES };
         shadows.fill(marcher, &rays, sampling, TILE_RAYS, jitter);

@@ -1,8 +1,8 @@
 //! Adam on the entries of a hash level that samples touched (Kingma and Ba 2015; sparse as in tiny-cuda-nn).
 //!
-//! Entries are updated a line at a time: eight of them fill a cache line and a vector register, and neighbours along x
-//! are neighbours in memory, so that samples mostly touch several of a line. One bit tells whether a line was touched,
-//! which keeps a level's bits in the first-level cache.
+//! Entries are updated a line at a time: eight of them fill a vector register, and neighbours along x are neighbours in
+//! memory, so that samples mostly touch several of a line. One bit tells whether a line was touched, which keeps a
+//! level's bits in the first-level cache. Lines that nobody touched cost nothing.
 
 use fearless_simd::{Level, Simd, dispatch};
 
@@ -97,7 +97,7 @@ impl LevelMoments {
     }
 
     /// One update of the entries of `table` whose gradient is not zero, in the order of their addresses; clears the
-    /// gradient. All others keep their weights and moments, and cost nothing.
+    /// gradient. All others keep their weights and moments.
     pub fn step(
         &mut self,
         simd: Level,

@@ -18,21 +18,32 @@ const FIRST_STREAM: u64 = 1 << 62;
 /// The streams of the shifts of lights.
 const SHIFT_STREAM: u64 = 1 << 63;
 
-/// Mean distance from a light to its nearest neighbour, metres; zero for a single light.
-fn light_spacing(scene: &Scene) -> f64 {
-    let positions: Vec<[f64; 3]> = scene.lights.iter().map(|l| l.pose.position()).collect();
+/// Lights whose neighbours are looked for, at most.
+const MOST_NEIGHBOURHOODS: usize = 1000;
+
+/// Mean distance from a training light to its nearest neighbour, metres; zero for a single light.
+fn light_spacing(scene: &Scene, store: &PixelStore) -> f64 {
+    let mut lights: Vec<u32> = (0..store.views()).flat_map(|v| store.lights(v)).copied().collect();
+    lights.sort_unstable();
+    lights.dedup();
+    let positions: Vec<[f64; 3]> = lights.iter().map(|&l| scene.lights[l as usize].pose.position()).collect();
     let distance =
         |a: &[f64; 3], b: &[f64; 3]| a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
     let nearest = |i: usize| {
         let others = positions.iter().enumerate().filter(|&(j, _)| j != i);
         others.map(|(_, p)| distance(p, &positions[i])).fold(f64::INFINITY, f64::min)
     };
-    let sum: f64 = (0..positions.len()).map(nearest).filter(|d| d.is_finite()).sum();
-    sum / positions.len().max(1) as f64
+    let every = positions.len().div_ceil(MOST_NEIGHBOURHOODS).max(1);
+    let found: Vec<f64> =
+        (0..positions.len()).step_by(every).map(nearest).filter(|d| d.is_finite()).collect();
+    found.iter().sum::<f64>() / found.len().max(1) as f64
 }
 
 /// One probe in so many is under a light that was photographed.
 const KNOWN_PROBES: usize = 8;
+
+/// Lights that a ray must be compared under at least, to have a probe.
+const LEAST_FOR_PROBES: usize = 4;
 
 /// Which lights rays are compared under.
 #[derive(Clone, Copy, Debug)]
@@ -42,7 +53,8 @@ pub struct LightChoice {
     /// In every step each light is moved by a random distance of up to this much along each axis, as a share of the
     /// distance between neighbouring lights.
     pub shift: f64,
-    /// The same for the probes, which stand where nobody photographed; 0: no probes.
+    /// The same for the probes, which stand where nobody photographed; 0: no probes. Nor are there any where a ray is
+    /// compared under fewer than four lights.
     pub probe_reach: f64,
 }
 
@@ -113,16 +125,20 @@ impl<'a> BatchSampler<'a> {
         if pairs == 0 {
             return Err(TrainError::Data(format!("{}: no training images", scene.root.display())));
         }
+        let per_ray = lights.per_ray.min(most);
+        let spacing = light_spacing(scene, store);
+        // From fewer photographs nobody could tell what another light would show.
+        let reach = if per_ray < LEAST_FOR_PROBES { 0.0 } else { lights.probe_reach };
         Ok(Self {
             store,
             depths,
-            shift: (lights.shift * light_spacing(scene)) as f32,
-            probe_reach: (lights.probe_reach * light_spacing(scene)) as f32,
+            shift: (lights.shift * spacing) as f32,
+            probe_reach: (reach * spacing) as f32,
             lights: scene.lights.iter().map(|l| LightPose(l.pose.row_major_f32())).collect(),
             views,
             directions: known.iter().map(unprojected).collect(),
-            rays: rays * lights.per_ray / lights.per_ray.min(most),
-            lights_per_ray: lights.per_ray.min(most),
+            rays: rays * lights.per_ray / per_ray,
+            lights_per_ray: per_ray,
             seed,
         })
     }

@@ -163,13 +163,17 @@ fn probes_are_photographs_or_stand_where_nobody_took_any() {
     let data = common::tiny_scene(folder.path());
     let drawn = |reach: f64| {
         let sampler =
-            BatchSampler::new(&data.scene, &data.pixels, None, 400, lights(2, 0.0, reach), 1).unwrap();
+            BatchSampler::new(&data.scene, &data.pixels, None, 400, lights(4, 0.0, reach), 1).unwrap();
         let mut batch = RayBatch::default();
         sampler.fill(3, &mut batch);
         batch
     };
     let none = drawn(0.0);
     assert!(none.probe_lights.is_empty() && none.probe_colours.is_empty());
+    let sampler = BatchSampler::new(&data.scene, &data.pixels, None, 400, lights(3, 0.0, 0.5), 1).unwrap();
+    let mut few = RayBatch::default();
+    sampler.fill(3, &mut few);
+    assert!(few.probe_lights.is_empty(), "too few lights a ray");
     let batch = drawn(0.5);
     assert_eq!((batch.probe_lights.len(), batch.probe_colours.len()), (400, 400));
     // Lights of the training split: those of the test splits must not be hinted at.
@@ -182,17 +186,24 @@ fn probes_are_photographs_or_stand_where_nobody_took_any() {
         let distance = |l: &[f32; 3]| (0..3).map(|a| (l[a] - p[a]).abs()).fold(0f32, f32::max);
         trained.iter().map(distance).fold(f32::INFINITY, f32::min)
     };
+    // Half the distance between neighbouring training lights, along each axis.
+    let gaps = trained.iter().map(|a| {
+        let distance = |b: &[f32; 3]| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f32>().sqrt();
+        trained.iter().map(distance).filter(|d| *d > 0.0).fold(f32::INFINITY, f32::min)
+    });
+    let spacing = 1.001 * gaps.sum::<f32>() / trained.len() as f32;
     let mut photographed = 0;
     for ray in 0..400 {
         let (light, colour) = (batch.probe_lights[ray], batch.probe_colours[ray]);
         if colour[0].is_nan() {
-            assert!(nearest(light.position()) > 0.0, "moved");
+            let moved = nearest(light.position());
+            assert!(moved > 0.0 && moved <= 0.5 * spacing, "{moved}");
             continue;
         }
         photographed += 1;
         assert_eq!(nearest(light.position()), 0.0);
         // The same pixel under the same light, where both were drawn, has the same colour.
-        for pair in 2 * ray..2 * ray + 2 {
+        for pair in 4 * ray..4 * ray + 4 {
             if batch.lights[batch.light_index[pair] as usize] == light {
                 assert_eq!(batch.colours[pair], colour);
             }

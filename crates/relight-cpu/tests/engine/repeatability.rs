@@ -31,6 +31,10 @@ fn settings(step: u64) -> StepSettings {
 
 fn engine(config: EngineConfig) -> CpuEngine {
     let mut engine = CpuEngine::new(&field(V5), config).unwrap();
+    // It has seen shadows, and so imagines what probes show.
+    let mut state = engine.state().unwrap();
+    state.insert("shadows".into(), StateTensor::F32(vec![40.0, 100.0]));
+    engine.restore(&field(V5), &state).unwrap();
     engine.expect_surfaces(&[[0.1, 0.1, 0.3], [-0.2, 0.0, 0.5], [9.0, 0.0, 0.0]]);
     engine
 }
