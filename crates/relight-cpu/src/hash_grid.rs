@@ -7,9 +7,8 @@ use fearless_simd::{Level, Simd, dispatch};
 use rayon::prelude::*;
 use relight_field::parameters::{GridConfig, Level as GridLevel};
 
-use crate::adam::BiasCorrection;
+use crate::adam::{self, BiasCorrection};
 use crate::pool::Pool;
-use crate::sparse_adam::{Entry, LevelGradient, LevelMoments};
 
 /// Samples whose corners are worked out together.
 const GROUP: usize = 16;
@@ -17,16 +16,32 @@ const GROUP: usize = 16;
 /// Primes of the spatial hash (Mueller et al. 2022, equation 4); the first is 1.
 const PRIMES: [u32; 2] = [2_654_435_761, 805_459_861];
 
+/// One entry: its two features.
+type Entry = [f32; 2];
+
+/// Adam's state of one entry.
+#[derive(Clone, Copy, Default)]
+struct EntryMoments {
+    m: Entry,
+    v: Entry,
+    updates: u32,
+}
+
 /// The table, with its optimiser.
 pub struct HashGrid {
     levels: Vec<GridLevel>,
     table: Vec<Entry>,
-    /// Of each level.
-    moments: Vec<LevelMoments>,
-    /// Gradients of one level, one for each thread at work.
-    gradients: Pool<LevelGradient>,
-    /// Entries of the largest level.
+    /// Empty until the first step: drawing needs none.
+    moments: Vec<EntryMoments>,
+    /// Gradient accumulators of one level, one for each thread at work; all zero between levels.
+    scratch: Pool<Scratch>,
     largest: usize,
+}
+
+/// Gradient of one level, and a bit for each entry that has some.
+struct Scratch {
+    gradient: Vec<Entry>,
+    touched: Vec<u64>,
 }
 
 /// Samples in tiles: `[tile][3][columns]`, positions in the unit cube.
@@ -44,8 +59,7 @@ impl HashGrid {
         let levels = config.level_table();
         let table: Vec<Entry> = table.as_chunks().0.to_vec();
         let largest = levels.iter().map(|l| l.entries).max().unwrap_or(0);
-        let moments = levels.iter().map(|_| LevelMoments::default()).collect();
-        Self { levels, moments, table, gradients: Pool::default(), largest }
+        Self { levels, moments: Vec::new(), table, scratch: Pool::default(), largest }
     }
 
     /// The table, `[entries, 2]`.
@@ -60,11 +74,13 @@ impl HashGrid {
 
     /// Moments as flat arrays: first and second moments `[entries, 2]`, and updates `[entries]`.
     pub fn moments(&self) -> (Vec<f32>, Vec<f32>, Vec<u32>) {
-        let (mut m, mut v, mut updates) = (Vec::new(), Vec::new(), Vec::new());
-        for (moments, level) in self.moments.iter().zip(&self.levels) {
-            moments.extend(level.entries, &mut m, &mut v, &mut updates);
+        if self.moments.is_empty() {
+            let n = self.table.len();
+            return (vec![0.0; 2 * n], vec![0.0; 2 * n], vec![0; n]);
         }
-        (m, v, updates)
+        let m = self.moments.iter().flat_map(|e| e.m).collect();
+        let v = self.moments.iter().flat_map(|e| e.v).collect();
+        (m, v, self.moments.iter().map(|e| e.updates).collect())
     }
 
     /// Sets the moments from arrays laid out as [`HashGrid::moments`] gives them; false if they do not fit.
@@ -73,12 +89,8 @@ impl HashGrid {
         if m.len() != 2 * n || v.len() != 2 * n || updates.len() != n {
             return false;
         }
-        let of = |level: &GridLevel| {
-            let entries = level.offset..level.offset + level.entries;
-            let numbers = 2 * entries.start..2 * entries.end;
-            LevelMoments::from_entries(&m[numbers.clone()], &v[numbers], &updates[entries])
-        };
-        self.moments = self.levels.iter().map(of).collect();
+        let pairs = m.as_chunks::<2>().0.iter().zip(v.as_chunks::<2>().0).zip(updates);
+        self.moments = pairs.map(|((&m, &v), &updates)| EntryMoments { m, v, updates }).collect();
         true
     }
 
@@ -97,7 +109,7 @@ impl HashGrid {
     }
 
     /// Takes one optimiser step along `gradients`, laid out like the features of [`HashGrid::encode`]. Entries that
-    /// no sample touched keep their weights and moments.
+    /// no sample touched keep their weights and moments, and cost nothing but a bit.
     pub fn step(
         &mut self,
         simd: Level,
@@ -107,24 +119,27 @@ impl HashGrid {
         correction: &BiasCorrection,
     ) {
         let (outputs, largest) = (self.outputs(), self.largest);
+        self.moments.resize(self.table.len(), EntryMoments::default());
         let mut tasks = Vec::with_capacity(self.levels.len());
-        let mut table = &mut self.table[..];
-        for ((l, level), moments) in self.levels.iter().enumerate().zip(&mut self.moments) {
-            let (entries, rest) = table.split_at_mut(level.entries);
-            table = rest;
-            tasks.push((l, level, entries, moments));
+        let (mut table, mut moments) = (&mut self.table[..], &mut self.moments[..]);
+        for (l, level) in self.levels.iter().enumerate() {
+            let (t, rest_t) = table.split_at_mut(level.entries);
+            let (m, rest_m) = moments.split_at_mut(level.entries);
+            (table, moments) = (rest_t, rest_m);
+            tasks.push((l, level, t, m));
         }
         // The finest levels take longest, so they start first.
         tasks.reverse();
-        let pool = &self.gradients;
-        tasks.into_par_iter().with_max_len(1).for_each(|(l, level, entries, moments)| {
-            pool.with(
-                || LevelGradient::new(largest),
-                |gradient| {
-                    dispatch!(simd, simd => scatter_level(simd, (l, level), positions, gradients, outputs, gradient));
-                    moments.step(simd, gradient, entries, rate, correction);
-                },
-            );
+        let pool = &self.scratch;
+        tasks.into_par_iter().with_max_len(1).for_each(|(l, level, table, moments)| {
+            let make = || Scratch {
+                gradient: vec![[0.0; 2]; largest],
+                touched: vec![0; largest.div_ceil(64)],
+            };
+            pool.with(make, |scratch| {
+                dispatch!(simd, simd => scatter_level(simd, (l, level), positions, gradients, outputs, scratch));
+                update_touched(scratch, table, moments, rate, correction);
+            });
         });
     }
 }
@@ -210,7 +225,7 @@ fn encode_level<S: Simd>(
     );
 }
 
-/// Adds up the gradients of level `l`.
+/// Adds the gradients of level `l` to the scratch.
 #[inline(always)]
 fn scatter_level<S: Simd>(
     simd: S,
@@ -218,13 +233,13 @@ fn scatter_level<S: Simd>(
     positions: TiledPositions<'_>,
     gradients: &[f32],
     outputs: usize,
-    gradient: &mut LevelGradient,
+    scratch: &mut Scratch,
 ) {
     let columns = positions.columns;
     simd.vectorize(
         #[inline(always)]
         || {
-            let mut gradient = gradient.adder();
+            let gradient = &mut scratch.gradient[..level.entries];
             let tiles =
                 positions.data.chunks_exact(3 * columns).zip(gradients.chunks_exact(outputs * columns));
             for (positions, gradients) in tiles {
@@ -238,13 +253,41 @@ fn scatter_level<S: Simd>(
                         }
                         for corner in 0..8 {
                             let index = corners.index[corner][i] as usize;
-                            gradient.add(index, corners.weight[corner][i], [g0, g1]);
+                            let weight = corners.weight[corner][i];
+                            let entry = &mut gradient[index];
+                            entry[0] = g0.mul_add(weight, entry[0]);
+                            entry[1] = g1.mul_add(weight, entry[1]);
+                            scratch.touched[index / 64] |= 1 << (index % 64);
                         }
                     }
                 }
             }
         },
     );
+}
+
+/// Updates the touched entries in the order of their addresses, and clears the scratch.
+fn update_touched(
+    scratch: &mut Scratch,
+    table: &mut [Entry],
+    moments: &mut [EntryMoments],
+    rate: f32,
+    correction: &BiasCorrection,
+) {
+    for (word, touched) in scratch.touched.iter_mut().enumerate() {
+        let mut bits = std::mem::take(touched);
+        while bits != 0 {
+            let index = word * 64 + bits.trailing_zeros() as usize;
+            bits &= bits - 1;
+            let g = std::mem::take(&mut scratch.gradient[index]);
+            let (entry, state) = (&mut table[index], &mut moments[index]);
+            state.updates = state.updates.saturating_add(1);
+            let c = correction.at(state.updates);
+            for f in 0..2 {
+                adam::update(&mut entry[f], &mut state.m[f], &mut state.v[f], g[f], rate, c);
+            }
+        }
+    }
 }
 
 #[cfg(test)]
