@@ -73,9 +73,10 @@ struct Sums {
     depth_penalty: f64,
     distortion: f64,
     depth_spread: f64,
-    /// Of the ratios of brightness that probes saw in shadows, and their number.
-    shadow: f64,
-    shadows: f64,
+    /// Brightness of photographed shadows beside the same places in the light.
+    shadow_ratios: f64,
+    /// How many such ratios.
+    shadows_seen: f64,
 }
 
 impl CpuEngine {
@@ -225,8 +226,8 @@ impl CpuEngine {
                             std::array::from_fn(|c| weight * (colours[lights][c] - wanted.colour[c]))
                         }));
                         if let Some(ratio) = wanted.and_then(|wanted| wanted.shadow) {
-                            lane.sums.shadow += f64::from(ratio);
-                            lane.sums.shadows += 1.0;
+                            lane.sums.shadow_ratios += f64::from(ratio);
+                            lane.sums.shadows_seen += 1.0;
                         }
                     }
                     let regularisers = Regularisers {
@@ -319,8 +320,8 @@ impl Engine for CpuEngine {
             sums.depth_penalty += lane.sums.depth_penalty;
             sums.distortion += lane.sums.distortion;
             sums.depth_spread += lane.sums.depth_spread;
-            sums.shadow += lane.sums.shadow;
-            sums.shadows += lane.sums.shadows;
+            sums.shadow_ratios += lane.sums.shadow_ratios;
+            sums.shadows_seen += lane.sums.shadows_seen;
         }
         let non_finite = |what: &str| EngineError::NonFinite { step: settings.step, what: what.into() };
         let stats = StepStats {
@@ -349,7 +350,7 @@ impl Engine for CpuEngine {
             self.observe(&batch.rays, settings.step);
         }
         if probes.is_some() {
-            self.shadow_level.observe(sums.shadow, sums.shadows);
+            self.shadow_level.observe(sums.shadow_ratios, sums.shadows_seen);
         }
         let rate = settings.learning_rate;
         self.networks.step(&self.lanes[0].gradients, &mut self.moments, rate, &self.correction);

@@ -5,6 +5,8 @@
 //! surface to the light tells. What the surface should look like under a probe is imagined from its photographs under
 //! lights nearby that reached it, darkened where the shadow ray is stopped by as much as shadows are in photographs.
 //! Probes under lights that were photographed tell how much that is.
+//!
+//! Ours: the paper has nothing like it.
 
 use rayon::prelude::*;
 use relight_field::engine::{RayBatch, Rays};
