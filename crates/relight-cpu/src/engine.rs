@@ -19,6 +19,7 @@ use crate::march::{UnitCube, along};
 use crate::networks::{Gradients, Networks};
 use crate::pool::Pool;
 use crate::probes::{Probes, ShadowLevel};
+use crate::roulette;
 use crate::samples::{Jitter, Marcher, SampleBatch};
 use crate::shade::CodedLight;
 use crate::state;
@@ -35,6 +36,8 @@ const DENSITY_DECAY: u64 = 32;
 const TILE_COLUMNS: usize = 192;
 /// Streams of the seed from here on place the samples of shadow rays; those below, of step after step, the others.
 const SHADOW_STREAM: u64 = 1 << 61;
+/// Streams from here on play roulette.
+const ROULETTE_STREAM: u64 = 1 << 60;
 /// Partial sums of the network gradients. Their number, and so every sum, is the same for any number of threads.
 const LANES: usize = 32;
 
@@ -186,6 +189,7 @@ impl CpuEngine {
         let marcher = self.marcher();
         let (simd, shading, samples) = (self.simd, self.config.shading, &self.batch);
         let scale = 2.0 / (3 * n * lights) as f32;
+        let roulette = Random::new(self.config.seed, ROULETTE_STREAM + settings.step);
         // Lanes beyond the last tile only have their sums cleared.
         for lane in &mut lanes {
             lane.gradients.clear();
@@ -195,7 +199,7 @@ impl CpuEngine {
         let work = gradients.zip(densities.par_chunks_mut(per_lane * columns)).zip(&mut lanes);
         work.enumerate().with_max_len(1).for_each(|(i, ((gradients, densities), lane))| {
             self.workspaces.with(Workspace::default, |workspace| {
-                let mut colour_gradient = Vec::new();
+                let (mut colour_gradient, mut lengths) = (Vec::new(), Vec::new());
                 let outputs = gradients.chunks_exact_mut(tile_size).zip(densities.chunks_exact_mut(columns));
                 for (tile, (gradient, densities)) in (i * per_lane..).zip(outputs) {
                     let range = samples.range(rays, tile);
@@ -254,6 +258,11 @@ impl CpuEngine {
                     lane.sums.gradient += f64::from(gradient.iter().sum::<f32>());
                     lane.sums.depth_penalty += f64::from(penalty);
                     lane.sums.distortion += f64::from(distortion);
+                    if settings.roulette > 0.0 {
+                        let used = rays_here.origins.len() * rays_here.samples;
+                        let draw = |c| roulette.uniform_at((tile * columns + c) as u64);
+                        roulette::thin(gradient, (columns, used), settings.roulette, draw, &mut lengths);
+                    }
                 }
             });
         });

@@ -18,6 +18,7 @@ pub mod mlp;
 pub mod networks;
 pub mod pool;
 pub mod probes;
+pub mod roulette;
 pub mod samples;
 pub mod shade;
 mod state;

@@ -67,6 +67,9 @@ pub struct StepSettings {
     pub distortion_weight: f32,
     /// Weight of a probe beside a pair; 0 leaves probes out.
     pub probe_weight: f32,
+    /// Samples whose gradients are shorter than this many times the mean are left out at random, and those that stay
+    /// count more in proportion; 0 leaves none out. Engines may go without.
+    pub roulette: f32,
 }
 
 /// What a step did.

@@ -46,6 +46,9 @@ pub struct Recipe {
     pub sampling: Sampling,
     /// Where colour is decoded.
     pub shading: Shading,
+    /// Samples whose gradients are shorter than this many times the mean are left out of a step at random, while
+    /// those that stay count more; 0 leaves none out.
+    pub roulette: f64,
     /// Adam's learning rate.
     pub learning_rate: Schedule,
     /// Weight of the penalty on ray weight far from the depth that stereo expects.
@@ -80,6 +83,7 @@ impl Recipe {
             report_every: 10,
             sampling: Sampling::Stratified { coarse: 128, fine: 128 },
             shading: Shading::PerSample,
+            roulette: 0.0,
             learning_rate: Schedule::Constant(1e-2),
             depth_weight: Schedule::Constant(0.0),
             probe_weight: Schedule::Constant(0.0),
@@ -107,6 +111,7 @@ impl Recipe {
             report_every: 50,
             sampling: Sampling::Guided { samples: 12 },
             shading: Shading::Deferred,
+            roulette: 1.5,
             learning_rate: Schedule::Exponential { from: 1e-2, to: 3e-4 },
             depth_weight: Schedule::Linear { from: 0.1, to: 0.0, start: 0.0, end: 0.25 },
             probe_weight: Schedule::Linear { from: 0.0, to: 2.5, start: 0.15, end: 0.2 },
@@ -140,6 +145,9 @@ impl Recipe {
         }
         if !(self.probe_reach.is_finite() && (0.0..=4.0).contains(&self.probe_reach)) {
             return fault("probe-reach", "0 to 4 times the distance between lights");
+        }
+        if !(self.roulette.is_finite() && (0.0..=16.0).contains(&self.roulette)) {
+            return fault("roulette", "0 to 16 times the mean");
         }
         if self.rays_per_step * self.lights_per_ray > 1 << 22 {
             return fault("rays-per-step times lights-per-ray", "at most 4194304");

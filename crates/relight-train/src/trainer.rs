@@ -243,6 +243,7 @@ impl<'a> Trainer<'a> {
             depth_margin: recipe.depth_margin as f32 * self.config.bounds.longest_edge(),
             distortion_weight: recipe.distortion_weight.at(progress) as f32,
             probe_weight: recipe.probe_weight.at(progress) as f32,
+            roulette: recipe.roulette as f32,
         };
         let non_finite = |what: String| TrainError::NonFinite {
             step,

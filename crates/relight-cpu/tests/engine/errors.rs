@@ -16,6 +16,7 @@ const SETTINGS: StepSettings = StepSettings {
     depth_margin: 0.1,
     distortion_weight: 0.0,
     probe_weight: 0.5,
+    roulette: 1.5,
 };
 
 fn refused<T>(result: Result<T, EngineError>) -> String {

@@ -21,6 +21,7 @@ const SETTINGS: StepSettings = StepSettings {
     depth_margin: 0.05,
     distortion_weight: 0.2,
     probe_weight: 0.0,
+    roulette: 0.0,
 };
 
 /// Gradients of a batch by the fast engine's parts, as arrays in the order of [`Parameters::tensors`].

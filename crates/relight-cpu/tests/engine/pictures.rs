@@ -95,6 +95,7 @@ fn colours_equal_the_oracles() {
             depth_margin: 1.0,
             distortion_weight: 0.0,
             probe_weight: 0.0,
+            roulette: 0.0,
         };
         for r in 0..n {
             let one = RayBatch {

@@ -26,6 +26,7 @@ fn settings(step: u64) -> StepSettings {
         depth_margin: 0.05,
         distortion_weight: 0.05,
         probe_weight: 0.5,
+        roulette: 1.5,
     }
 }
 

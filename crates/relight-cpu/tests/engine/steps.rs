@@ -22,6 +22,7 @@ fn settings(step: u64) -> StepSettings {
         depth_margin: 0.05,
         distortion_weight: 0.05,
         probe_weight: 0.0,
+        roulette: 0.0,
     }
 }
 

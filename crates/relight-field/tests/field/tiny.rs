@@ -81,5 +81,6 @@ pub fn settings(depth_weight: f32, distortion_weight: f32) -> StepSettings {
         depth_margin: 0.1,
         distortion_weight,
         probe_weight: 0.0,
+        roulette: 0.0,
     }
 }
