@@ -12,6 +12,7 @@ pub mod checkpoint;
 pub mod demo_scene;
 mod error;
 pub mod evaluation;
+pub mod fineness;
 pub mod guide_file;
 mod metrics_log;
 mod picture;

@@ -57,8 +57,9 @@ pub struct Recipe {
     pub probe_weight: Schedule,
     /// Weight of the distortion loss.
     pub distortion_weight: Schedule,
-    /// The hash grid.
-    pub grid: GridConfig,
+    /// The hash grid; `None`: as fine as the images ask for, see [`fitting_grid`](crate::fineness::fitting_grid).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub grid: Option<GridConfig>,
 }
 
 impl Recipe {
@@ -88,7 +89,7 @@ impl Recipe {
             depth_weight: Schedule::Constant(0.0),
             probe_weight: Schedule::Constant(0.0),
             distortion_weight: Schedule::Constant(0.0),
-            grid: GridConfig::default(),
+            grid: Some(GridConfig::default()),
         }
     }
 
@@ -115,6 +116,7 @@ impl Recipe {
             learning_rate: Schedule::Exponential { from: 1e-2, to: 3e-4 },
             depth_weight: Schedule::Linear { from: 0.1, to: 0.0, start: 0.0, end: 0.25 },
             probe_weight: Schedule::Linear { from: 0.0, to: 2.5, start: 0.15, end: 0.2 },
+            grid: None,
             ..Self::paper()
         }
     }

@@ -55,7 +55,7 @@ pub struct RunConfig {
     pub bounds: Bounds,
     /// World box in which stereo looks for surfaces, metres.
     pub search: Bounds,
-    /// How to train.
+    /// How to train, the grid included.
     pub recipe: Recipe,
 }
 
@@ -88,7 +88,7 @@ pub fn field_of(recipe: &Recipe, model: &str, bounds: Bounds) -> Result<FieldCon
         TrainError::Recipe(format!("unknown model \"{model}\"; the models are {names}"))
     })?;
     let density_scale = recipe.density_scale as f32 / bounds.longest_edge();
-    let field = FieldConfig { architecture, grid: recipe.grid, bounds, density_scale };
+    let field = FieldConfig { architecture, grid: recipe.grid.unwrap_or_default(), bounds, density_scale };
     field.validate()?;
     Ok(field)
 }

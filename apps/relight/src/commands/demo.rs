@@ -14,6 +14,7 @@ use relight_train::Report;
 use relight_train::baselines::{NearestLight, mean_image};
 use relight_train::demo_scene::DemoScene;
 use relight_train::evaluation::{Evaluation, Scores, evaluate};
+use relight_train::fineness::fitting_grid;
 use relight_train::recipe::Recipe;
 use relight_train::run::{FORMAT, RunConfig, RunFolder, splits_fingerprint, write_whole};
 use relight_train::schedule::Budget;
@@ -59,13 +60,15 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         out.display()
     );
     // Validated often, for the curve on the page.
-    let recipe = Recipe { epoch: Some(250), ..Recipe::fast() };
+    let mut recipe = Recipe { epoch: Some(250), ..Recipe::fast() };
     let folder = out.join("scene");
     let (data, search) = prepare(&folder, &recipe, quiet).inspect_err(|_| {
         // Nothing has been learnt that is worth keeping, and the next demo wants an empty folder. What went wrong is told
         // already.
         let _ = fs::remove_dir_all(&folder);
     })?;
+    let bounds = data.surface_bounds().unwrap_or(search);
+    recipe.grid.get_or_insert_with(|| fitting_grid(&data.scene.cameras, &bounds));
     let config = RunConfig {
         format: FORMAT.to_owned(),
         scene: data.scene.root.canonicalize()?,
@@ -75,7 +78,7 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         seed: 0,
         splits: splits_fingerprint(&data.scene, &data.splits),
         budget: Budget { steps: None, minutes: Some(args.minutes) },
-        bounds: data.surface_bounds().unwrap_or(search),
+        bounds,
         search,
         recipe,
     };

@@ -6,6 +6,7 @@ use anyhow::{Context, bail};
 use clap::ValueEnum;
 use relight_field::architecture::VARIANTS;
 use relight_scene::{Bounds, read_text, scene_bounds};
+use relight_train::fineness::fitting_grid;
 use relight_train::recipe::Recipe;
 use relight_train::run::{FORMAT, RunConfig, RunFolder, field_of, splits_fingerprint};
 use relight_train::schedule::Budget;
@@ -113,11 +114,13 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
 fn begin(args: &Args, quiet: bool) -> anyhow::Result<(RunFolder, RunConfig, Prepared)> {
     RunFolder::check_vacant(&args.out)?;
     let model = args.model.as_deref().unwrap_or(MODEL).to_lowercase();
-    let recipe = recipe(args, &model)?;
+    let mut recipe = recipe(args, &model)?;
     let (scene, splits) = open(&args.scene)?;
     let mut data = Prepared::load(scene, splits, quiet)?;
     let search = args.bounds.unwrap_or_else(|| scene_bounds(&data.scene));
     data.find_surfaces(&recipe, &search)?;
+    let bounds = args.bounds.or_else(|| data.surface_bounds()).unwrap_or(search);
+    recipe.grid.get_or_insert_with(|| fitting_grid(&data.scene.cameras, &bounds));
     let config = RunConfig {
         format: FORMAT.to_owned(),
         scene: data.scene.root.canonicalize().unwrap_or_else(|_| data.scene.root.clone()),
@@ -127,7 +130,7 @@ fn begin(args: &Args, quiet: bool) -> anyhow::Result<(RunFolder, RunConfig, Prep
         seed: args.seed.unwrap_or(0),
         splits: splits_fingerprint(&data.scene, &data.splits),
         budget: Budget { steps: args.steps, minutes: args.minutes },
-        bounds: args.bounds.or_else(|| data.surface_bounds()).unwrap_or(search),
+        bounds,
         search,
         recipe,
     };

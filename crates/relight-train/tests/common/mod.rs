@@ -48,7 +48,7 @@ pub fn config(data: &Data, steps: Option<u64>) -> RunConfig {
             epoch: Some(4),
             patience: 3,
             report_every: 3,
-            grid: GridConfig { levels: 2, features: 2, log2_table: 6, base: 2, finest: 4 },
+            grid: Some(GridConfig { levels: 2, features: 2, log2_table: 6, base: 2, finest: 4 }),
             ..Recipe::fast()
         },
     }
