@@ -87,11 +87,27 @@ impl DensityGrid {
         brick * BRICK_CELLS + x % BRICK + BRICK * (y % BRICK + BRICK * (z % BRICK))
     }
 
+    /// How far a ray can go on from `unit` and still be in the same brick, if nothing in that brick is thick enough to
+    /// count: in multiples of `direction`, both in the unit cube.
+    pub fn empty_ahead(&self, unit: [f32; 3], cell: usize, direction: [f32; 3]) -> Option<f32> {
+        if self.optical[usize::from(self.largest[cell / BRICK_CELLS])] != 0.0 {
+            return None;
+        }
+        let bricks = self.bricks as f32;
+        let to_face = |a: usize| {
+            if direction[a] == 0.0 {
+                return f32::INFINITY;
+            }
+            let scaled = unit[a] * bricks;
+            let low = scaled.floor();
+            let face = if direction[a] > 0.0 { low + 1.0 } else { low };
+            (face - scaled) / (direction[a] * bricks)
+        };
+        Some((0..3).map(to_face).fold(f32::INFINITY, f32::min))
+    }
+
     /// Optical depth of one step through a cell; 0 where that is too thin to count.
     pub fn optical_depth(&self, cell: usize) -> f32 {
-        if self.optical[usize::from(self.largest[cell / BRICK_CELLS])] == 0.0 {
-            return 0.0;
-        }
         self.optical[usize::from(self.cells[cell])]
     }
 
@@ -127,8 +143,34 @@ fn code(density: f32) -> u8 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     const BOUNDS: Bounds = Bounds { lo: [-1.0, 0.0, 2.0], hi: [1.0, 0.8, 4.0] };
+
+    proptest! {
+        #[test]
+        fn rays_may_skip_what_is_empty_and_nothing_else(
+            occupied in proptest::collection::vec(0usize..4096, 0..4),
+            unit in [0f32..1.0, 0f32..1.0, 0f32..1.0],
+            direction in [-2f32..2.0, -2f32..2.0, 0.01f32..2.0],
+            flat in any::<bool>(),
+        ) {
+            let mut grid = grid(0.0);
+            occupied.iter().for_each(|&cell| grid.observe(cell, 1000.0));
+            let direction = if flat { [direction[0], 0.0, direction[2]] } else { direction };
+            let cell = grid.cell(unit);
+            let within = |cell: usize| occupied.iter().any(|o| o / BRICK_CELLS == cell / BRICK_CELLS);
+            let ahead = grid.empty_ahead(unit, cell, direction);
+            prop_assert_eq!(ahead.is_none(), within(cell));
+            if let Some(ahead) = ahead {
+                let at = |share: f32| grid.cell(std::array::from_fn(|a| unit[a] + share * ahead * direction[a]));
+                prop_assert!(ahead >= 0.0 && ahead.is_finite());
+                for share in [0.0, 0.3, 0.7, 0.999] {
+                    prop_assert_eq!(at(share) / BRICK_CELLS, cell / BRICK_CELLS, "{} of {}", share, ahead);
+                }
+            }
+        }
+    }
 
     fn grid(density: f32) -> DensityGrid {
         DensityGrid::uniform(&BOUNDS, 16, density)

@@ -320,9 +320,8 @@ impl Engine for CpuEngine {
 
         let mut sums = Sums::default();
         let (first, rest) = self.lanes.split_at_mut(1);
-        for lane in rest.iter() {
-            first[0].gradients.add(&lane.gradients);
-        }
+        let rest: Vec<&Gradients> = rest.iter().map(|lane| &lane.gradients).collect();
+        first[0].gradients.add(&rest);
         for lane in &self.lanes {
             sums.squared_error += lane.sums.squared_error;
             sums.gradient += lane.sums.gradient;

@@ -117,6 +117,11 @@ pub fn draw(
     }
 }
 
+/// Steps that stay within the next `ahead` of a ray; one at least.
+fn steps_within(ahead: f32, step: f32) -> usize {
+    ((ahead / step) as usize).max(1)
+}
+
 /// Whether the density grid knows of nothing between two distances that could shade what lies behind.
 pub fn is_clear(
     grid: &DensityGrid,
@@ -128,11 +133,20 @@ pub fn is_clear(
     let stretch = step / grid.cell_size();
     let (o, mut depth) = (cube.map(origin), 0.0);
     let d: [f32; 3] = std::array::from_fn(|a| direction[a] * cube.inverse_extent[a]);
-    for b in 0..((far - near) / step).ceil() as usize {
-        depth += grid.optical_depth(grid.cell(along(o, d, near + (b as f32 + 0.5) * step))) * stretch;
+    let bins = ((far - near) / step).ceil() as usize;
+    let mut b = 0;
+    while b < bins {
+        let unit = along(o, d, near + (b as f32 + 0.5) * step);
+        let cell = grid.cell(unit);
+        if let Some(ahead) = grid.empty_ahead(unit, cell, d) {
+            b += steps_within(ahead, step);
+            continue;
+        }
+        depth += grid.optical_depth(cell) * stretch;
         if depth > SHADING {
             return false;
         }
+        b += 1;
     }
     true
 }
@@ -166,19 +180,25 @@ pub fn guided(
     weight.resize(bins + 2, 0.0);
     let (o, mut limited, mut depth) = (cube.map(origin), 1f32, 0f32);
     let d: [f32; 3] = std::array::from_fn(|a| direction[a] * cube.inverse_extent[a]);
-    for b in 0..bins {
-        let cell = grid.cell(along(o, d, near + (b as f32 + 0.5) * step));
-        let optical = grid.optical_depth(cell) * stretch;
-        if optical == 0.0 {
+    let mut b = 0;
+    while b < bins {
+        let unit = along(o, d, near + (b as f32 + 0.5) * step);
+        let cell = grid.cell(unit);
+        if let Some(ahead) = grid.empty_ahead(unit, cell, d) {
+            b += steps_within(ahead, step);
             continue;
         }
-        depth += optical;
-        let alpha = (1.0 - (-optical).exp()).min(OPACITY_LIMIT);
-        weight[b + 1] = limited * alpha;
-        limited *= 1.0 - alpha;
-        if limited < TRANSMITTANCE_END {
-            break;
+        let optical = grid.optical_depth(cell) * stretch;
+        if optical > 0.0 {
+            depth += optical;
+            let alpha = (1.0 - (-optical).exp()).min(OPACITY_LIMIT);
+            weight[b + 1] = limited * alpha;
+            limited *= 1.0 - alpha;
+            if limited < TRANSMITTANCE_END {
+                break;
+            }
         }
+        b += 1;
     }
     // A surface may lie just outside the cell that knows of it.
     let mass = &mut scratch.mass;

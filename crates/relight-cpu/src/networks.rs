@@ -1,10 +1,14 @@
 //! The three networks of an architecture, and where each of their inputs lies.
 
+use rayon::prelude::*;
 use relight_field::architecture::{Architecture, EMBEDDING, EmbeddingEntry, HARMONICS, HIDDEN};
 use relight_field::parameters::Parameters;
 
 use crate::adam::{BiasCorrection, Moments};
 use crate::mlp::Mlp;
+
+/// Weights whose gradients one thread sums.
+const SUMMED_TOGETHER: usize = 2048;
 
 /// `geo`, `rgb` and, where the architecture has it, `vis`.
 pub struct Networks {
@@ -39,10 +43,15 @@ impl Gradients {
         [&self.geo, &self.rgb, &self.vis]
     }
 
-    /// Adds others to these.
-    pub fn add(&mut self, others: &Self) {
-        for (mine, other) in [&mut self.geo, &mut self.rgb, &mut self.vis].into_iter().zip(others.parts()) {
-            mine.iter_mut().zip(other).for_each(|(a, b)| *a += b);
+    /// Adds others to these, one after another.
+    pub fn add(&mut self, others: &[&Self]) {
+        for (part, mine) in [&mut self.geo, &mut self.rgb, &mut self.vis].into_iter().enumerate() {
+            mine.par_chunks_mut(SUMMED_TOGETHER).enumerate().for_each(|(chunk, mine)| {
+                let span = chunk * SUMMED_TOGETHER..chunk * SUMMED_TOGETHER + mine.len();
+                for other in others {
+                    mine.iter_mut().zip(&other.parts()[part][span.clone()]).for_each(|(a, b)| *a += b);
+                }
+            });
         }
     }
 
