@@ -174,8 +174,9 @@ impl CpuEngine {
     fn tiles(&mut self, batch: &RayBatch, settings: &StepSettings, probes: Option<&Probes>) {
         let (rays, lights) = (&batch.rays, batch.lights_per_ray);
         let coded: Vec<CodedLight> = batch.lights.iter().map(|l| self.code_light(l)).collect();
-        // A probe is one more pair, the last of its ray.
-        let pairs = lights + usize::from(probes.is_some());
+        // Probes are further pairs, the last of their ray.
+        let probes_a_ray = if probes.is_some() { batch.probes_per_ray() } else { 0 };
+        let pairs = lights + probes_a_ray;
         let n = rays.origins.len();
         let tiles = self.batch.tiles(rays);
         let columns = self.batch.columns;
@@ -189,6 +190,7 @@ impl CpuEngine {
         let marcher = self.marcher();
         let (simd, shading, samples) = (self.simd, self.config.shading, &self.batch);
         let scale = 2.0 / (3 * n * lights) as f32;
+        let probe_scale = scale * settings.probe_weight / probes_a_ray.max(1) as f32;
         let roulette = Random::new(self.config.seed, ROULETTE_STREAM + settings.step);
         // Lanes beyond the last tile only have their sums cleared.
         for lane in &mut lanes {
@@ -206,7 +208,9 @@ impl CpuEngine {
                     let first = range.start * lights;
                     let rays_here = samples.tile(&marcher, rays, tile);
                     let light = |r: usize, l: usize| match probes {
-                        Some(probes) if l == lights => &probes.lights[range.start + r],
+                        Some(probes) if l >= lights => {
+                            &probes.lights[(range.start + r) * probes_a_ray + l - lights]
+                        }
                         _ => &coded[batch.light_index[first + r * lights + l] as usize],
                     };
                     workspace.forward(simd, marcher.networks, shading, &rays_here, pairs, light);
@@ -224,14 +228,18 @@ impl CpuEngine {
                         let point = along(rays_here.origins[r], rays_here.directions[r], workspace.depths[r]);
                         let seen =
                             truth.iter().enumerate().map(|(l, &colour)| (light(r, l).position, colour));
-                        let wanted = probes.wanted(ray, point, batch.probe_colours[ray], seen);
-                        colour_gradient.push(wanted.map_or([0.0; 3], |wanted| {
-                            let weight = settings.probe_weight * wanted.certainty * scale;
-                            std::array::from_fn(|c| weight * (colours[lights][c] - wanted.colour[c]))
-                        }));
-                        if let Some(ratio) = wanted.and_then(|wanted| wanted.shadow) {
-                            lane.sums.shadow_ratios += f64::from(ratio);
-                            lane.sums.shadows_seen += 1.0;
+                        let own = ray * probes_a_ray..(ray + 1) * probes_a_ray;
+                        for (probe, colour) in own.zip(&colours[lights..]) {
+                            let wanted =
+                                probes.wanted(probe, point, batch.probe_colours[probe], seen.clone());
+                            colour_gradient.push(wanted.map_or([0.0; 3], |wanted| {
+                                let weight = probe_scale * wanted.certainty;
+                                std::array::from_fn(|c| weight * (colour[c] - wanted.colour[c]))
+                            }));
+                            if let Some(ratio) = wanted.and_then(|wanted| wanted.shadow) {
+                                lane.sums.shadow_ratios += f64::from(ratio);
+                                lane.sums.shadows_seen += 1.0;
+                            }
                         }
                     }
                     let regularisers = Regularisers {
@@ -311,7 +319,7 @@ impl Engine for CpuEngine {
         };
         let jitter = Jitter(Some(Random::new(self.config.seed, settings.step)));
         let mut samples = std::mem::take(&mut self.batch);
-        let pairs = lights + usize::from(self.probing(batch, settings));
+        let pairs = lights + if self.probing(batch, settings) { batch.probes_per_ray() } else { 0 };
         let tile_rays = self.tile_rays(total, pairs);
         samples.fill(&self.marcher(), &batch.rays, self.config.sampling, tile_rays, jitter);
         self.batch = samples;
@@ -473,8 +481,8 @@ fn check(batch: &RayBatch) -> Result<(), EngineError> {
     if !batch.depths.is_empty() && batch.depths.len() != n {
         return wrong("depths must be as many as rays, or none");
     }
-    if batch.probe_colours.len() != batch.probe_lights.len() || ![0, n].contains(&batch.probe_lights.len()) {
-        return wrong("probes must be as many as rays, or none");
+    if batch.probe_colours.len() != batch.probe_lights.len() || !batch.probe_lights.len().is_multiple_of(n) {
+        return wrong("probes must be as many for each ray, and as many as their colours");
     }
     if batch.light_index.iter().any(|&l| l as usize >= batch.lights.len()) {
         return wrong("a light index points past the lights");

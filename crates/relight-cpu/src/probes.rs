@@ -1,4 +1,4 @@
-//! Probes: every ray under one more light, most of which nobody photographed.
+//! Probes: every ray under a few more lights, most of which nobody photographed.
 //!
 //! Photographs teach a field the lights that stood there. Between them it may put thin shadows anywhere, and does. But
 //! where a surface is, is soon known, and so is where the shadow of one thing falls on another: a shadow ray from the
@@ -60,9 +60,9 @@ impl ShadowLevel {
 
 /// The probes of a batch.
 pub struct Probes {
-    /// `[n]`: their lights.
+    /// `[n, probes]`: their lights.
     pub lights: Vec<CodedLight>,
-    /// `[n]`: share of each light that reaches its ray's surface, as the geometry has it.
+    /// `[n, probes]`: share of each light that reaches its ray's surface, as the geometry has it.
     transmittance: Vec<f32>,
     /// How dark shadows are, where that is known.
     shadow: Option<f32>,
@@ -91,10 +91,11 @@ impl Probes {
         jitter: Jitter,
     ) -> Self {
         let points = surfaces(marcher, &batch.rays, samples);
-        let mut transmittance = vec![1.0; points.len()];
+        let (each, mut transmittance) = (lights.len() / points.len().max(1), vec![1.0; lights.len()]);
         // Most see their light through empty cells: nothing has to be evaluated for those.
         let gap = CLEARANCE * marcher.density.cell_size();
-        let stopped = |(&point, light): (&[f32; 3], &CodedLight)| {
+        let stopped = |(probe, light): (usize, &CodedLight)| {
+            let point = points[probe / each];
             let (direction, length) = toward(point, light.position);
             let (origin, length) = (along(point, direction, gap), (length - gap).max(0.0));
             let (near, far) = marcher.cube.clip(origin, direction);
@@ -102,7 +103,7 @@ impl Probes {
             let clear = march::is_clear(marcher.density, &marcher.cube, (origin, direction), span);
             (!clear).then_some((origin, direction, length))
         };
-        let found: Vec<_> = points.par_iter().zip(&lights).with_min_len(32).map(stopped).collect();
+        let found: Vec<_> = lights.par_iter().enumerate().with_min_len(32).map(stopped).collect();
         let (mut rays, mut lengths, mut shaded) = (Rays::default(), Vec::new(), Vec::new());
         for (i, (origin, direction, length)) in
             found.into_iter().enumerate().filter_map(|(i, f)| Some((i, f?)))
@@ -140,17 +141,17 @@ impl Probes {
         Self { lights, transmittance, shadow: level.ratio() }
     }
 
-    /// What ray `ray`, which ends at `point`, should look like under its probe. `photographed` is its colour there, NaN
+    /// What a ray, which ends at `point`, should look like under probe `probe` of the batch. `photographed` is its colour there, NaN
     /// where there is none; `pairs` are positions of lights and colours under them. `None` if nothing can be told.
     pub fn wanted(
         &self,
-        ray: usize,
+        probe: usize,
         point: [f32; 3],
         photographed: [f32; 3],
         pairs: impl Iterator<Item = ([f32; 3], [f32; 3])> + Clone,
     ) -> Option<Wanted> {
-        let lit = lit_colour(point, self.lights[ray].position, pairs);
-        let transmittance = self.transmittance[ray];
+        let lit = lit_colour(point, self.lights[probe].position, pairs);
+        let transmittance = self.transmittance[probe];
         if photographed.iter().all(|c| c.is_finite()) {
             // Where the photograph is as bright as it would be in the light, the shadow ray went astray.
             let shadow = lit

@@ -53,8 +53,10 @@ pub struct LightChoice {
     /// In every step each light is moved by a random distance of up to this much along each axis, as a share of the
     /// distance between neighbouring lights.
     pub shift: f64,
-    /// The same for the probes, which stand where nobody photographed; 0: no probes. Nor are there any where a ray is
-    /// compared under fewer than four lights.
+    /// Probes of each ray, most of which stand where nobody photographed. There are none where a ray is compared under
+    /// fewer than four lights.
+    pub probes: usize,
+    /// How far those are moved from lights that were photographed, as lights are; 0: no probes.
     pub probe_reach: f64,
 }
 
@@ -77,8 +79,10 @@ pub struct BatchSampler<'a> {
     lights: Vec<LightPose>,
     /// Half the width of the cube from which the shift of a light is drawn, metres.
     shift: f32,
-    /// The same for probes; 0 if there are none.
+    /// The same for probes.
     probe_reach: f32,
+    /// Probes of each ray.
+    probes: usize,
     views: Vec<View>,
     /// For each distinct set of intrinsics, `[x, y]` of every pixel's camera-frame direction `(x, y, 1)`, distortion
     /// removed.
@@ -128,12 +132,13 @@ impl<'a> BatchSampler<'a> {
         let per_ray = lights.per_ray.min(most);
         let spacing = light_spacing(scene, store);
         // From fewer photographs nobody could tell what another light would show.
-        let reach = if per_ray < LEAST_FOR_PROBES { 0.0 } else { lights.probe_reach };
+        let probes = if per_ray < LEAST_FOR_PROBES || lights.probe_reach == 0.0 { 0 } else { lights.probes };
         Ok(Self {
             store,
             depths,
             shift: (lights.shift * spacing) as f32,
-            probe_reach: (reach * spacing) as f32,
+            probe_reach: (lights.probe_reach * spacing) as f32,
+            probes,
             lights: scene.lights.iter().map(|l| LightPose(l.pose.row_major_f32())).collect(),
             views,
             directions: known.iter().map(unprojected).collect(),
@@ -160,8 +165,8 @@ impl<'a> BatchSampler<'a> {
         batch.depths.resize(if self.depths.is_some() { n } else { 0 }, f32::NAN);
 
         let random = Random::new(self.seed, FIRST_STREAM + step);
-        // View, pixel, lights, and four for the probe.
-        let draws = 2 + k as u64 + 4;
+        // View, pixel, lights, and four for each probe.
+        let draws = 2 + k as u64 + 4 * self.probes as u64;
         batch
             .rays
             .origins
@@ -201,19 +206,20 @@ impl<'a> BatchSampler<'a> {
         }
     }
 
-    /// Each ray's probe: the colour that was photographed under some light, or a place where no light stood.
+    /// Each ray's probes: the colour that was photographed under some light, or a place where no light stood.
     fn fill_probes(&self, random: Random, draws: u64, batch: &mut RayBatch) {
-        let n = if self.probe_reach > 0.0 { self.rays } else { 0 };
+        let n = self.rays * self.probes;
         batch.probe_lights.resize(n, LightPose([0.0; 12]));
         batch.probe_colours.resize(n, [f32::NAN; 3]);
         let probes = batch.probe_lights.par_iter_mut().zip(&mut batch.probe_colours);
-        probes.enumerate().with_min_len(64).for_each(|(ray, (light, colour))| {
+        probes.enumerate().with_min_len(64).for_each(|(probe, (light, colour))| {
+            let (ray, own) = (probe / self.probes, probe % self.probes);
             let first = ray as u64 * draws;
             let (v, pixel) = self.pixel(random, first);
-            let own = first + draws - 4;
+            let own = first + draws - 4 * (own as u64 + 1);
             let slot = random.below_at(own, self.store.lights(v).len() as u32) as usize;
             *light = self.lights[self.store.lights(v)[slot] as usize];
-            *colour = if ray % KNOWN_PROBES == 0 {
+            *colour = if probe % KNOWN_PROBES == 0 {
                 self.store.pixel(v, pixel)[slot].map(|c| f32::from(c) / 255.0)
             } else {
                 move_light(light, self.probe_reach, |axis| random.uniform_at(own + 1 + axis));

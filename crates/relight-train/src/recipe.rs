@@ -18,6 +18,8 @@ pub struct Recipe {
     /// Farthest that a light is moved at random along each axis, in every step anew, as a share of the distance
     /// between neighbouring lights.
     pub light_shift: f64,
+    /// Lights that each ray is compared under beside, most of which nobody photographed: probes.
+    pub probes_per_ray: usize,
     /// Farthest that a light nobody photographed is moved at random from one that somebody did, along each axis, as a
     /// share of the distance between neighbouring lights; 0: no such lights, and so no probes.
     pub probe_reach: f64,
@@ -53,7 +55,7 @@ pub struct Recipe {
     pub learning_rate: Schedule,
     /// Weight of the penalty on ray weight far from the depth that stereo expects.
     pub depth_weight: Schedule,
-    /// Weight of each ray's colour under a light that nobody photographed, beside those of photographs.
+    /// Weight of a ray's probes together, beside each of its photographs.
     pub probe_weight: Schedule,
     /// Weight of the distortion loss.
     pub distortion_weight: Schedule,
@@ -72,6 +74,7 @@ impl Recipe {
             rays_per_step: 4096,
             lights_per_ray: 1,
             light_shift: 0.0,
+            probes_per_ray: 0,
             probe_reach: 0.0,
             stereo: false,
             density_scale: 2.0,
@@ -98,8 +101,9 @@ impl Recipe {
     pub fn fast() -> Self {
         Self {
             rays_per_step: 512,
-            lights_per_ray: 12,
+            lights_per_ray: 8,
             light_shift: 0.4,
+            probes_per_ray: 4,
             probe_reach: 1.3,
             stereo: true,
             density_scale: 0.1,
@@ -115,7 +119,7 @@ impl Recipe {
             roulette: 1.5,
             learning_rate: Schedule::Exponential { from: 1e-2, to: 3e-4 },
             depth_weight: Schedule::Linear { from: 0.1, to: 0.0, start: 0.0, end: 0.25 },
-            probe_weight: Schedule::Linear { from: 0.0, to: 2.5, start: 0.15, end: 0.2 },
+            probe_weight: Schedule::Linear { from: 0.0, to: 5.0, start: 0.15, end: 0.2 },
             grid: None,
             ..Self::paper()
         }
@@ -150,6 +154,9 @@ impl Recipe {
         }
         if !(self.roulette.is_finite() && (0.0..=16.0).contains(&self.roulette)) {
             return fault("roulette", "0 to 16 times the mean");
+        }
+        if self.probes_per_ray > 64 {
+            return fault("probes-per-ray", "at most 64");
         }
         if self.rays_per_step * self.lights_per_ray > 1 << 22 {
             return fault("rays-per-step times lights-per-ray", "at most 4194304");

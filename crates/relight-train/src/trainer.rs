@@ -129,6 +129,7 @@ impl<'a> Trainer<'a> {
             LightChoice {
                 per_ray: recipe.lights_per_ray,
                 shift: recipe.light_shift,
+                probes: recipe.probes_per_ray,
                 probe_reach: recipe.probe_reach,
             },
             u64::from(config.seed),

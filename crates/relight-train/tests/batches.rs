@@ -11,7 +11,7 @@ use relight_stereo::{DepthPrior, StereoSettings};
 use relight_train::batch::{BatchSampler, LightChoice};
 
 fn lights(per_ray: usize, shift: f64, probe_reach: f64) -> LightChoice {
-    LightChoice { per_ray, shift, probe_reach }
+    LightChoice { per_ray, shift, probes: 2, probe_reach }
 }
 
 #[test]
@@ -163,7 +163,7 @@ fn probes_are_photographs_or_stand_where_nobody_took_any() {
     let data = common::tiny_scene(folder.path());
     let drawn = |reach: f64| {
         let sampler =
-            BatchSampler::new(&data.scene, &data.pixels, None, 400, lights(4, 0.0, reach), 1).unwrap();
+            BatchSampler::new(&data.scene, &data.pixels, None, 200, lights(4, 0.0, reach), 1).unwrap();
         let mut batch = RayBatch::default();
         sampler.fill(3, &mut batch);
         batch
@@ -193,8 +193,8 @@ fn probes_are_photographs_or_stand_where_nobody_took_any() {
     });
     let spacing = 1.001 * gaps.sum::<f32>() / trained.len() as f32;
     let mut photographed = 0;
-    for ray in 0..400 {
-        let (light, colour) = (batch.probe_lights[ray], batch.probe_colours[ray]);
+    for probe in 0..400 {
+        let (ray, light, colour) = (probe / 2, batch.probe_lights[probe], batch.probe_colours[probe]);
         if colour[0].is_nan() {
             let moved = nearest(light.position());
             assert!(moved > 0.0 && moved <= 0.5 * spacing, "{moved}");

@@ -136,24 +136,25 @@ fn training_lowers_the_loss() {
 
 /// Probes that were photographed are pairs like any other.
 #[test]
-fn photographed_probes_count_as_one_more_pair() {
+fn photographed_probes_count_as_further_pairs() {
     let n = 40;
     let mut batch = batch(n, 3);
     batch.rays.origins[0] = batch.rays.origins[1];
-    batch.probe_colours = (0..n).map(|r| [0.1, 0.4, 0.02 * r as f32]).collect();
+    batch.probe_lights = (0..2 * n).map(|p| lights()[p % 3]).collect();
+    batch.probe_colours = (0..2 * n).map(|p| [0.1, 0.4, 0.01 * p as f32]).collect();
     // The oracle gets them as pairs.
     let mut with_pairs = batch.clone();
     with_pairs.lights.extend(&batch.probe_lights);
-    with_pairs.lights_per_ray = 4;
+    with_pairs.lights_per_ray = 5;
     (with_pairs.light_index, with_pairs.colours) = (Vec::new(), Vec::new());
     for r in 0..n {
         with_pairs.light_index.extend(&batch.light_index[3 * r..3 * r + 3]);
-        with_pairs.light_index.push((batch.lights.len() + r) as u32);
+        with_pairs.light_index.extend([2 * r, 2 * r + 1].map(|p| (batch.lights.len() + p) as u32));
         with_pairs.colours.extend(&batch.colours[3 * r..3 * r + 3]);
-        with_pairs.colours.push(batch.probe_colours[r]);
+        with_pairs.colours.extend(&batch.probe_colours[2 * r..2 * r + 2]);
     }
     let settings =
-        StepSettings { depth_weight: 0.0, distortion_weight: 0.0, probe_weight: 1.0, ..settings(0) };
+        StepSettings { depth_weight: 0.0, distortion_weight: 0.0, probe_weight: 2.0, ..settings(0) };
     for shading in SHADINGS {
         let sampling = Sampling::Stratified { coarse: 12, fine: 0 };
         let mut engine = CpuEngine::new(&field(V5), EngineConfig { sampling, shading, seed: SEED }).unwrap();
@@ -167,8 +168,8 @@ fn photographed_probes_count_as_one_more_pair() {
         let oracle = loss_and_gradient(&field, shading, &with_pairs, &plain, &settings).unwrap();
         let (state, gradient) = (engine.state().unwrap(), groups(&oracle.gradient));
         for (g, group) in ["grid", "geo", "rgb", "vis"].into_iter().enumerate() {
-            // The mean is over three pairs, not four; a first moment is a tenth of the gradient.
-            let expected: Vec<f64> = gradient[g].iter().map(|d| 0.1 * d * 4.0 / 3.0).collect();
+            // The mean is over three pairs, not five; a first moment is a tenth of the gradient.
+            let expected: Vec<f64> = gradient[g].iter().map(|d| 0.1 * d * 5.0 / 3.0).collect();
             assert_close(group, f32s(&state, &format!("adam.{group}.m")), &expected, 1e-4);
         }
     }
