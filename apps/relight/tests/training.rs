@@ -117,3 +117,17 @@ fn without_a_budget_training_ends_when_validation_stops_improving() {
     shop.succeed("train scene --out run --recipe recipe.toml");
     assert_eq!(metrics(&shop.path("run")).last().unwrap()["step"], 30);
 }
+
+#[test]
+fn a_grid_that_the_recipe_leaves_open_is_fitted_to_the_images_and_kept() {
+    let recipe = "rays-per-step = 32\nepoch = 10\n[sampling.guided]\nsamples = 8\n";
+    let shop = Workshop::with(DemoScene { views: 8, lights: 6, width: 24, height: 18 }, recipe);
+    shop.succeed("train scene --out run --recipe recipe.toml --steps 5");
+    let config = std::fs::read_to_string(shop.path("run/config.toml")).unwrap();
+    // Images this small ask for the coarsest.
+    assert!(config.contains("finest = 256") && config.contains("log2_table = 16"), "{config}");
+    shop.succeed("train scene --out run --resume --steps 10");
+    let open = config.split("[recipe.grid]").next().unwrap();
+    std::fs::write(shop.path("run/config.toml"), open).unwrap();
+    assert!(shop.fail("train scene --out run --resume --steps 15", 1).contains("[recipe.grid] is missing"));
+}

@@ -34,9 +34,9 @@ const DENSITY_DECAY: u64 = 32;
 /// Columns that a tile aims at: few enough for its activations to stay in the second-level cache, enough to fill
 /// the registers.
 const TILE_COLUMNS: usize = 192;
-/// Streams of the seed from here on place the samples of shadow rays; those below, of step after step, the others.
+/// Streams of the seed from here on place the samples of shadow rays.
 const SHADOW_STREAM: u64 = 1 << 61;
-/// Streams from here on play roulette.
+/// Streams from here on play roulette; those below, of step after step, place the samples of rays.
 const ROULETTE_STREAM: u64 = 1 << 60;
 /// Partial sums of the network gradients. Their number, and so every sum, is the same for any number of threads.
 const LANES: usize = 32;
@@ -152,7 +152,7 @@ impl CpuEngine {
 
     /// The probes of a batch, where they count.
     fn probes(&mut self, batch: &RayBatch, settings: &StepSettings) -> Option<Probes> {
-        if !self.probing(batch, settings) {
+        if self.probes_a_ray(batch, settings) == 0 {
             return None;
         }
         let lights = batch.probe_lights.iter().map(|l| self.code_light(l)).collect();
@@ -164,10 +164,10 @@ impl CpuEngine {
         Some(probes)
     }
 
-    /// Whether a step looks at probes: they teach nothing to a field that knows no light.
-    fn probing(&self, batch: &RayBatch, settings: &StepSettings) -> bool {
+    /// Probes of each ray that a step looks at: they teach nothing to a field that knows no light.
+    fn probes_a_ray(&self, batch: &RayBatch, settings: &StepSettings) -> usize {
         let knows_light = self.field.architecture.light != LightInput::None;
-        knows_light && settings.probe_weight > 0.0 && !batch.probe_lights.is_empty()
+        if knows_light && settings.probe_weight > 0.0 { batch.probes_per_ray() } else { 0 }
     }
 
     /// Forward and backward over all tiles; leaves gradients in the lanes and in `feature_gradients`.
@@ -175,7 +175,7 @@ impl CpuEngine {
         let (rays, lights) = (&batch.rays, batch.lights_per_ray);
         let coded: Vec<CodedLight> = batch.lights.iter().map(|l| self.code_light(l)).collect();
         // Probes are further pairs, the last of their ray.
-        let probes_a_ray = if probes.is_some() { batch.probes_per_ray() } else { 0 };
+        let probes_a_ray = self.probes_a_ray(batch, settings);
         let pairs = lights + probes_a_ray;
         let n = rays.origins.len();
         let tiles = self.batch.tiles(rays);
@@ -190,7 +190,7 @@ impl CpuEngine {
         let marcher = self.marcher();
         let (simd, shading, samples) = (self.simd, self.config.shading, &self.batch);
         let scale = 2.0 / (3 * n * lights) as f32;
-        let probe_scale = scale * settings.probe_weight / probes_a_ray.max(1) as f32;
+        let probe_scale = scale * settings.probe_weight * lights as f32 / probes_a_ray.max(1) as f32;
         let roulette = Random::new(self.config.seed, ROULETTE_STREAM + settings.step);
         // Lanes beyond the last tile only have their sums cleared.
         for lane in &mut lanes {
@@ -228,19 +228,16 @@ impl CpuEngine {
                         let point = along(rays_here.origins[r], rays_here.directions[r], workspace.depths[r]);
                         let seen =
                             truth.iter().enumerate().map(|(l, &colour)| (light(r, l).position, colour));
-                        let own = ray * probes_a_ray..(ray + 1) * probes_a_ray;
-                        for (probe, colour) in own.zip(&colours[lights..]) {
-                            let wanted =
-                                probes.wanted(probe, point, batch.probe_colours[probe], seen.clone());
-                            colour_gradient.push(wanted.map_or([0.0; 3], |wanted| {
-                                let weight = probe_scale * wanted.certainty;
-                                std::array::from_fn(|c| weight * (colour[c] - wanted.colour[c]))
-                            }));
-                            if let Some(ratio) = wanted.and_then(|wanted| wanted.shadow) {
-                                lane.sums.shadow_ratios += f64::from(ratio);
-                                lane.sums.shadows_seen += 1.0;
-                            }
-                        }
+                        let (sum, count) = probes.compare(
+                            (ray, point),
+                            &colours[lights..],
+                            &batch.probe_colours,
+                            seen,
+                            probe_scale,
+                            &mut colour_gradient,
+                        );
+                        lane.sums.shadow_ratios += sum;
+                        lane.sums.shadows_seen += count;
                     }
                     let regularisers = Regularisers {
                         depths: if batch.depths.is_empty() { &[] } else { &batch.depths[range] },
@@ -319,7 +316,7 @@ impl Engine for CpuEngine {
         };
         let jitter = Jitter(Some(Random::new(self.config.seed, settings.step)));
         let mut samples = std::mem::take(&mut self.batch);
-        let pairs = lights + if self.probing(batch, settings) { batch.probes_per_ray() } else { 0 };
+        let pairs = lights + self.probes_a_ray(batch, settings);
         let tile_rays = self.tile_rays(total, pairs);
         samples.fill(&self.marcher(), &batch.rays, self.config.sampling, tile_rays, jitter);
         self.batch = samples;

@@ -2,8 +2,8 @@
 //!
 //! A step goes through the phases of the reference engine under the same names: [`march`] places samples,
 //! [`hash_grid`] encodes them, [`tile`] runs networks and compositing forward and backward while they are in cache
-//! ([`shade`] being the colour and visibility half, [`probes`] adding lights that nobody photographed), [`hash_grid`] and
-//! [`adam`] optimise, [`density_grid`] learns where to march. Every result is the same for any number of threads.
+//! ([`shade`] being the colour and visibility half, [`probes`] adding lights that nobody photographed), [`roulette`]
+//! thins the gradients, [`hash_grid`] and [`adam`] optimise, [`density_grid`] learns where to march. Every result is the same for any number of threads.
 
 pub mod adam;
 pub mod composite;

@@ -139,7 +139,7 @@ pub fn is_clear(
         let unit = along(o, d, near + (b as f32 + 0.5) * step);
         let cell = grid.cell(unit);
         if let Some(ahead) = grid.empty_ahead(unit, cell, d) {
-            b += steps_within(ahead, step);
+            b = b.saturating_add(steps_within(ahead, step));
             continue;
         }
         depth += grid.optical_depth(cell) * stretch;
@@ -185,7 +185,7 @@ pub fn guided(
         let unit = along(o, d, near + (b as f32 + 0.5) * step);
         let cell = grid.cell(unit);
         if let Some(ahead) = grid.empty_ahead(unit, cell, d) {
-            b += steps_within(ahead, step);
+            b = b.saturating_add(steps_within(ahead, step));
             continue;
         }
         let optical = grid.optical_depth(cell) * stretch;
@@ -293,7 +293,34 @@ mod tests {
         assert!((sum - (span.1 - span.0)).abs() < 1e-5 * (1.0 + span.1), "{sum} {span:?}");
     }
 
+    /// [`is_clear`], looking at every cell.
+    fn is_clear_cell_by_cell(
+        grid: &DensityGrid,
+        cube: &UnitCube,
+        ray: ([f32; 3], [f32; 3]),
+        span: (f32, f32),
+    ) -> bool {
+        let (step, o) = (grid.cell_size(), cube.map(ray.0));
+        let d = std::array::from_fn(|a| ray.1[a] * cube.inverse_extent[a]);
+        let bins = ((span.1 - span.0) / step).ceil() as usize;
+        let place = |b: usize| along(o, d, span.0 + (b as f32 + 0.5) * step);
+        (0..bins).map(|b| grid.optical_depth(grid.cell(place(b)))).sum::<f32>() <= SHADING
+    }
+
     proptest! {
+        #[test]
+        fn empty_bricks_are_stepped_over_and_no_others(
+            origin in origin(), direction in direction(),
+            occupied in proptest::collection::vec(0usize..4096, 0..40), density in 0.1f32..10.0,
+        ) {
+            let cube = UnitCube::new(&BOUNDS);
+            let mut grid = DensityGrid::uniform(&BOUNDS, 16, 0.0);
+            occupied.iter().for_each(|&cell| grid.observe(cell, density));
+            let (ray, span) = ((origin, direction), cube.clip(origin, direction));
+            let plain = is_clear_cell_by_cell(&grid, &cube, ray, span);
+            prop_assert_eq!(is_clear(&grid, &cube, ray, span), plain);
+        }
+
         #[test]
         fn rays_are_clipped_to_the_box(origin in origin(), direction in direction()) {
             assert_clips(origin, direction);

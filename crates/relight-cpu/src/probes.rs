@@ -141,8 +141,38 @@ impl Probes {
         Self { lights, transmittance, shadow: level.ratio() }
     }
 
-    /// What a ray, which ends at `point`, should look like under probe `probe` of the batch. `photographed` is its colour there, NaN
-    /// where there is none; `pairs` are positions of lights and colours under them. `None` if nothing can be told.
+    /// Adds the gradients of the probes of ray `ray`, which ends at `point`, to `gradients`: what it looks like under
+    /// them, `colours`, against what it should, times `scale`. `photographed` are its colours there, NaN where there are
+    /// none, `pairs` the positions of its other lights and the colours under them. Returns the sum and the number of
+    /// ratios for [`ShadowLevel::observe`].
+    pub fn compare(
+        &self,
+        (ray, point): (usize, [f32; 3]),
+        colours: &[[f32; 3]],
+        photographed: &[[f32; 3]],
+        pairs: impl Iterator<Item = ([f32; 3], [f32; 3])> + Clone,
+        scale: f32,
+        gradients: &mut Vec<[f32; 3]>,
+    ) -> (f64, f64) {
+        let (mut sum, mut count) = (0.0, 0.0);
+        let first = ray * colours.len();
+        for (probe, (colour, &photographed)) in (first..).zip(colours.iter().zip(&photographed[first..])) {
+            let wanted = self.wanted(probe, point, photographed, pairs.clone());
+            gradients.push(wanted.map_or([0.0; 3], |wanted| {
+                let weight = scale * wanted.certainty;
+                std::array::from_fn(|c| weight * (colour[c] - wanted.colour[c]))
+            }));
+            if let Some(ratio) = wanted.and_then(|wanted| wanted.shadow) {
+                sum += f64::from(ratio);
+                count += 1.0;
+            }
+        }
+        (sum, count)
+    }
+
+    /// What a ray, which ends at `point`, should look like under probe `probe` of the batch. `photographed` is its
+    /// colour there, NaN where there is none; `pairs` are positions of lights and colours under them. `None` if nothing
+    /// can be told.
     pub fn wanted(
         &self,
         probe: usize,

@@ -2,7 +2,8 @@
 //!
 //! Most samples lie before or behind the surface and have next to no gradient, yet going back through the grid costs
 //! each as much as one on the surface. So a sample is dropped with a chance that grows as its gradient shrinks, and
-//! the gradients of those that stay are stretched to make up for it: on average over the draws nothing changes.
+//! the gradients of those that stay are stretched to make up for it: on average over the draws the gradient stays the
+//! same. (Adam's steps do not: an entry that only such samples reach is updated less often.)
 
 /// Thins the gradients of a tile, `[features][columns]`, of which the first `used` columns are samples. One whose
 /// gradient is shorter than `strength` times the tile's mean stays with a chance in proportion to its length;
@@ -54,7 +55,7 @@ mod tests {
     }
 
     #[test]
-    fn on_average_nothing_changes() {
+    fn the_mean_gradient_stays() {
         const DRAWS: u64 = 200_000;
         let mut sums = [0f64; 12];
         for draw in 0..DRAWS {

@@ -45,11 +45,11 @@ pub struct RayBatch {
     /// `[n]`: distance along each ray at which a surface is expected, metres; NaN where nothing is known. Empty if
     /// nothing is known of any ray.
     pub depths: Vec<f32>,
-    /// `[n, probes]`: probes, further lights for each ray, the same number for all; empty if there are none. Engines that
-    /// trace no shadows leave them out.
+    /// `[n, probes]`: probes, further lights for each ray, the same number for all; empty if there are none. Engines
+    /// that trace no shadows leave them out.
     pub probe_lights: Vec<LightPose>,
-    /// `[n, probes]`: the colour of each ray under its probes, sRGB in 0..1; NaN where nobody photographed it. The engine then
-    /// imagines it from the ray's other pairs and from the shadows that its own geometry casts.
+    /// `[n, probes]`: the colour of each ray under its probes, sRGB in 0..1; NaN where nobody photographed it. The
+    /// engine then imagines it from the ray's other pairs and from the shadows that its own geometry casts.
     pub probe_colours: Vec<[f32; 3]>,
 }
 
@@ -73,10 +73,11 @@ pub struct StepSettings {
     pub depth_margin: f32,
     /// Weight of the distortion loss (Barron et al. 2022, equation 15), which gathers a ray's weight in one place.
     pub distortion_weight: f32,
-    /// Weight of a ray's probes together beside one of its pairs; 0 leaves probes out.
+    /// Weight of a ray's probes together beside its pairs together; 0 leaves probes out.
     pub probe_weight: f32,
-    /// Samples whose gradients are shorter than this many times the mean are left out at random, and those that stay
-    /// count more in proportion; 0 leaves none out. Engines may go without.
+    /// Samples whose gradients are shorter than this many times the mean of their neighbours are left out at random when
+    /// gradients go back to the grid, and those that stay count more in proportion; 0 leaves none out. Engines may go
+    /// without.
     pub roulette: f32,
 }
 

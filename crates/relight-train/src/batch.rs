@@ -42,7 +42,7 @@ fn light_spacing(scene: &Scene, store: &PixelStore) -> f64 {
 /// One probe in so many is under a light that was photographed.
 const KNOWN_PROBES: usize = 8;
 
-/// Lights that a ray must be compared under at least, to have a probe.
+/// Lights that a ray must be compared under at least, to have probes.
 const LEAST_FOR_PROBES: usize = 4;
 
 /// Which lights rays are compared under.
@@ -132,12 +132,13 @@ impl<'a> BatchSampler<'a> {
         let per_ray = lights.per_ray.min(most);
         let spacing = light_spacing(scene, store);
         // From fewer photographs nobody could tell what another light would show.
-        let probes = if per_ray < LEAST_FOR_PROBES || lights.probe_reach == 0.0 { 0 } else { lights.probes };
+        let probe_reach = (lights.probe_reach * spacing) as f32;
+        let probes = if per_ray < LEAST_FOR_PROBES || probe_reach == 0.0 { 0 } else { lights.probes };
         Ok(Self {
             store,
             depths,
             shift: (lights.shift * spacing) as f32,
-            probe_reach: (lights.probe_reach * spacing) as f32,
+            probe_reach,
             probes,
             lights: scene.lights.iter().map(|l| LightPose(l.pose.row_major_f32())).collect(),
             views,
@@ -213,10 +214,10 @@ impl<'a> BatchSampler<'a> {
         batch.probe_colours.resize(n, [f32::NAN; 3]);
         let probes = batch.probe_lights.par_iter_mut().zip(&mut batch.probe_colours);
         probes.enumerate().with_min_len(64).for_each(|(probe, (light, colour))| {
-            let (ray, own) = (probe / self.probes, probe % self.probes);
+            let (ray, which) = (probe / self.probes, probe % self.probes);
             let first = ray as u64 * draws;
             let (v, pixel) = self.pixel(random, first);
-            let own = first + draws - 4 * (own as u64 + 1);
+            let own = first + draws - 4 * (which as u64 + 1);
             let slot = random.below_at(own, self.store.lights(v).len() as u32) as usize;
             *light = self.lights[self.store.lights(v)[slot] as usize];
             *colour = if probe % KNOWN_PROBES == 0 {

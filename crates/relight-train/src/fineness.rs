@@ -11,7 +11,7 @@ const RESOLUTIONS: [u32; 2] = [8, 11];
 /// 2^19 entries at 2048 cells, as torch-ngp has.
 const TABLE: u32 = 8;
 
-/// A grid for a field in the box `bounds`: as fine as the pixels of most images are there, and no finer, since every
+/// A grid for a field in the box `bounds`: as fine as the pixels of most cameras are there, and no finer, since every
 /// level and every entry costs time. Where nothing can be told, torch-ngp's.
 pub fn fitting_grid(cameras: &[Camera], bounds: &Bounds) -> GridConfig {
     let middle: [f64; 3] = std::array::from_fn(|a| f64::from(bounds.lo[a] + bounds.hi[a]) / 2.0);

@@ -18,7 +18,8 @@ pub struct Recipe {
     /// Farthest that a light is moved at random along each axis, in every step anew, as a share of the distance
     /// between neighbouring lights.
     pub light_shift: f64,
-    /// Lights that each ray is compared under beside, most of which nobody photographed: probes.
+    /// Lights that each ray is compared under beside, most of which nobody photographed: probes. There are none where
+    /// a ray is compared under fewer than four lights.
     pub probes_per_ray: usize,
     /// Farthest that a light nobody photographed is moved at random from one that somebody did, along each axis, as a
     /// share of the distance between neighbouring lights; 0: no such lights, and so no probes.
@@ -48,14 +49,14 @@ pub struct Recipe {
     pub sampling: Sampling,
     /// Where colour is decoded.
     pub shading: Shading,
-    /// Samples whose gradients are shorter than this many times the mean are left out of a step at random, while
-    /// those that stay count more; 0 leaves none out.
+    /// Samples whose gradients are shorter than this many times the mean are left out at random when gradients go back
+    /// to the grid, while those that stay count more; 0 leaves none out.
     pub roulette: f64,
     /// Adam's learning rate.
     pub learning_rate: Schedule,
     /// Weight of the penalty on ray weight far from the depth that stereo expects.
     pub depth_weight: Schedule,
-    /// Weight of a ray's probes together, beside each of its photographs.
+    /// Weight of a ray's probes together, beside its photographs together.
     pub probe_weight: Schedule,
     /// Weight of the distortion loss.
     pub distortion_weight: Schedule,
@@ -119,7 +120,7 @@ impl Recipe {
             roulette: 1.5,
             learning_rate: Schedule::Exponential { from: 1e-2, to: 3e-4 },
             depth_weight: Schedule::Linear { from: 0.1, to: 0.0, start: 0.0, end: 0.25 },
-            probe_weight: Schedule::Linear { from: 0.0, to: 5.0, start: 0.15, end: 0.2 },
+            probe_weight: Schedule::Linear { from: 0.0, to: 0.625, start: 0.15, end: 0.2 },
             grid: None,
             ..Self::paper()
         }
@@ -158,8 +159,8 @@ impl Recipe {
         if self.probes_per_ray > 64 {
             return fault("probes-per-ray", "at most 64");
         }
-        if self.rays_per_step * self.lights_per_ray > 1 << 22 {
-            return fault("rays-per-step times lights-per-ray", "at most 4194304");
+        if self.rays_per_step * (self.lights_per_ray + self.probes_per_ray) > 1 << 22 {
+            return fault("rays-per-step times lights and probes per ray", "at most 4194304");
         }
         let (first, second) = match self.sampling {
             Sampling::Guided { samples } => (samples, 0),
@@ -226,7 +227,14 @@ mod tests {
         let recipe = Recipe { depth_margin: 0.0, ..Recipe::fast() };
         assert!(recipe.validate().unwrap_err().to_string().contains("depth-margin"));
         let recipe = Recipe { rays_per_step: 1 << 20, lights_per_ray: 4096, ..Recipe::fast() };
-        assert!(recipe.validate().unwrap_err().to_string().contains("times lights-per-ray"));
+        assert!(recipe.validate().unwrap_err().to_string().contains("rays-per-step times"));
+        let recipe =
+            Recipe { rays_per_step: 1 << 20, lights_per_ray: 4, probes_per_ray: 64, ..Recipe::fast() };
+        assert!(recipe.validate().unwrap_err().to_string().contains("rays-per-step times"));
+        let recipe = Recipe { probes_per_ray: usize::MAX, ..Recipe::fast() };
+        assert!(recipe.validate().unwrap_err().to_string().contains("probes-per-ray"));
+        let recipe = Recipe { roulette: f64::NAN, ..Recipe::fast() };
+        assert!(recipe.validate().unwrap_err().to_string().contains("roulette"));
         let recipe = Recipe { rays_per_step: 0, ..Recipe::fast() };
         assert!(recipe.validate().unwrap_err().to_string().contains("rays-per-step"));
     }

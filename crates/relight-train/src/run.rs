@@ -63,8 +63,13 @@ impl RunConfig {
     /// The field to train.
     ///
     /// # Errors
-    /// As [`field_of`].
+    /// As [`field_of`], and [`TrainError::Recipe`] if the recipe leaves the grid open.
     pub fn field(&self) -> Result<FieldConfig, TrainError> {
+        if self.recipe.grid.is_none() {
+            return Err(TrainError::Recipe(
+                "[recipe.grid] is missing, of which the run's weights have the shape".into(),
+            ));
+        }
         field_of(&self.recipe, &self.model, self.bounds)
     }
 
@@ -78,7 +83,7 @@ impl RunConfig {
     }
 }
 
-/// The field that a recipe makes of a model in a box.
+/// The field that a recipe makes of a model in a box; with torch-ngp's grid if the recipe leaves that open.
 ///
 /// # Errors
 /// [`TrainError::Recipe`] if the model is unknown; [`TrainError::Parameters`] if the field cannot be made.

@@ -210,4 +210,6 @@ fn probes_are_photographs_or_stand_where_nobody_took_any() {
         }
     }
     assert_eq!(photographed, 50);
+    // The probes of a ray stand in different places.
+    assert!(batch.probe_lights.as_chunks::<2>().0.iter().all(|[a, b]| a.position() != b.position()));
 }

@@ -148,7 +148,7 @@ fn recipe(args: &Args, model: &str) -> anyhow::Result<Recipe> {
         settings.extend(toml::from_str::<toml::Table>(&text)?);
         let recipe: Recipe = settings.try_into()?;
         recipe.validate()?;
-        // The box is not known yet; what else a field is made of is.
+        // Neither the box nor a grid to fit it is known yet; what else a field is made of is.
         field_of(&recipe, model, Bounds { lo: [0.0; 3], hi: [1.0; 3] })?;
         Ok(recipe)
     };

@@ -66,7 +66,7 @@ pub fn lights() -> Vec<LightPose> {
         .collect()
 }
 
-/// Rays with colours under `lights_per_ray` lights, expected depths for some of them, and probes of which every fourth
+/// Rays with colours under `lights_per_ray` lights, expected depths for some of them, and two probes each, of which every fourth
 /// was photographed.
 pub fn batch(n: usize, lights_per_ray: usize) -> RayBatch {
     let (random, lights, pairs) = (Random::new(9, 0), lights(), n * lights_per_ray);
@@ -77,8 +77,8 @@ pub fn batch(n: usize, lights_per_ray: usize) -> RayBatch {
         lights,
         colours: (0..pairs as u64).map(|p| [0, 1, 2].map(|c| random.uniform_at(3 * p + c))).collect(),
         depths: (0..n).map(|r| if r % 3 == 2 { f32::NAN } else { 1.0 + 0.1 * r as f32 }).collect(),
-        probe_lights: (0..n).map(|r| self::lights()[r % 4]).collect(),
-        probe_colours: (0..n).map(|r| if r % 4 == 0 { [0.3, 0.5, 0.6] } else { [f32::NAN; 3] }).collect(),
+        probe_lights: (0..2 * n).map(|p| self::lights()[p % 4]).collect(),
+        probe_colours: (0..2 * n).map(|p| if p % 4 == 0 { [0.3, 0.5, 0.6] } else { [f32::NAN; 3] }).collect(),
     }
 }
 

@@ -48,6 +48,11 @@ fn batches_that_contradict_themselves() {
     refuse(&|b| b.depths.truncate(5), "depths");
     refuse(&|b| b.probe_lights.truncate(5), "probes");
     refuse(&|b| b.probe_colours.clear(), "probes");
+    let truncate = |b: &mut RayBatch| {
+        b.probe_lights.truncate(5);
+        b.probe_colours.truncate(5);
+    };
+    refuse(&truncate, "probes");
     assert_eq!(engine.parameters().unwrap(), before);
     // Without any expected depths a batch is fine.
     let mut batch = batch(6, 2);

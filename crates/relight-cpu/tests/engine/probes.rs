@@ -60,3 +60,40 @@ fn fog_between_a_surface_and_a_lamp_dims_it() {
 fn nothing_dims_a_lamp_where_the_density_grid_knows_of_nothing() {
     assert_eq!(through_fog(0.0, [0.1, 0.1, 3.0]).0, 1.0);
 }
+
+/// Two rays that end at different heights, each with a lamp at the roof and one far above, in turn.
+#[test]
+fn every_probe_of_a_ray_has_a_shadow_ray_of_its_own() {
+    let mut parameters = field(V5);
+    parameters.table.fill(0.0);
+    let mut parts = Parts::new(&parameters);
+    parts.density = DensityGrid::uniform(&BOUNDS, 16, FOG);
+    let marcher = parts.marcher(Level::new());
+    let mut batch = RayBatch { lights_per_ray: 1, ..RayBatch::default() };
+    // Down from the roof, and from one side to the other at a height of 0.5 m.
+    batch.rays.origins.extend([[0.1, 0.1, 1.2], [-1.0, 0.1, 0.5]]);
+    batch.rays.directions.extend([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]);
+    let jitter = Jitter(Some(Random::new(1, 0)));
+    let mut samples = SampleBatch::default();
+    samples.fill(&marcher, &batch.rays, Sampling::Guided { samples: 200 }, 1, jitter);
+    let points =
+        [[0.1, 0.1, 0.7 - (1.0 - (-FOG * 0.7f32).exp()) / FOG], [(1.0 - (-FOG).exp()) / FOG - 0.5, 0.1, 0.5]];
+    let heights = [0.6, 3.0];
+    let lamps = points.iter().flat_map(|p| heights.map(|z| [p[0], p[1], z]));
+    let poses: Vec<_> = lamps
+        .map(|[x, y, z]| {
+            relight_field::engine::LightPose([1.0, 0.0, 0.0, x, 0.0, 1.0, 0.0, y, 0.0, 0.0, 1.0, z])
+        })
+        .collect();
+    let shadow = ShadowLevel { sum: 0.0, count: 100.0 };
+    let mut memory = SampleBatch::default();
+    let probes = Probes::trace(&marcher, &batch, &samples, coded(&poses), shadow, &mut memory, jitter);
+    let gap = 1.5 * 0.7 / 16.0;
+    for (probe, pose) in poses.iter().enumerate() {
+        let point = points[probe / 2];
+        let pairs = std::iter::once((pose.position(), [1.0; 3]));
+        let arrived = probes.wanted(probe, point, [f32::NAN; 3], pairs).unwrap().colour[0];
+        let expected = FOG * (pose.position()[2].min(0.7) - point[2] - gap);
+        assert!((-arrived.ln() - expected).abs() < 0.06, "{probe}: {} {expected}", -arrived.ln());
+    }
+}

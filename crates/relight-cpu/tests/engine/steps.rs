@@ -154,7 +154,7 @@ fn photographed_probes_count_as_further_pairs() {
         with_pairs.colours.extend(&batch.probe_colours[2 * r..2 * r + 2]);
     }
     let settings =
-        StepSettings { depth_weight: 0.0, distortion_weight: 0.0, probe_weight: 2.0, ..settings(0) };
+        StepSettings { depth_weight: 0.0, distortion_weight: 0.0, probe_weight: 2.0 / 3.0, ..settings(0) };
     for shading in SHADINGS {
         let sampling = Sampling::Stratified { coarse: 12, fine: 0 };
         let mut engine = CpuEngine::new(&field(V5), EngineConfig { sampling, shading, seed: SEED }).unwrap();
