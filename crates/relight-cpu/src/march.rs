@@ -117,9 +117,27 @@ pub fn draw(
     }
 }
 
-/// Steps that stay within the next `ahead` of a ray; one at least.
-fn steps_within(ahead: f32, step: f32) -> usize {
-    ((ahead / step) as usize).max(1)
+/// Optical depths of the cells that a ray from `o` along `d`, both in the unit cube, meets in the middle of its `bins`
+/// steps of length `step` from `near` on, each with the number of its step. Those of empty bricks are stepped over.
+fn optical_depths(
+    grid: &DensityGrid,
+    (o, d): ([f32; 3], [f32; 3]),
+    (near, step, bins): (f32, f32, usize),
+) -> impl Iterator<Item = (usize, f32)> {
+    let mut next = 0;
+    std::iter::from_fn(move || {
+        while next < bins {
+            let b = next;
+            let unit = along(o, d, near + (b as f32 + 0.5) * step);
+            let cell = grid.cell(unit);
+            let Some(ahead) = grid.empty_ahead(unit, cell, d) else {
+                next += 1;
+                return Some((b, grid.optical_depth(cell)));
+            };
+            next = b.saturating_add(((ahead / step) as usize).max(1));
+        }
+        None
+    })
 }
 
 /// Whether the density grid knows of nothing between two distances that could shade what lies behind.
@@ -134,19 +152,11 @@ pub fn is_clear(
     let (o, mut depth) = (cube.map(origin), 0.0);
     let d: [f32; 3] = std::array::from_fn(|a| direction[a] * cube.inverse_extent[a]);
     let bins = ((far - near) / step).ceil() as usize;
-    let mut b = 0;
-    while b < bins {
-        let unit = along(o, d, near + (b as f32 + 0.5) * step);
-        let cell = grid.cell(unit);
-        if let Some(ahead) = grid.empty_ahead(unit, cell, d) {
-            b = b.saturating_add(steps_within(ahead, step));
-            continue;
-        }
-        depth += grid.optical_depth(cell) * stretch;
+    for (_, optical) in optical_depths(grid, (o, d), (near, step, bins)) {
+        depth += optical * stretch;
         if depth > SHADING {
             return false;
         }
-        b += 1;
     }
     true
 }
@@ -180,25 +190,18 @@ pub fn guided(
     weight.resize(bins + 2, 0.0);
     let (o, mut limited, mut depth) = (cube.map(origin), 1f32, 0f32);
     let d: [f32; 3] = std::array::from_fn(|a| direction[a] * cube.inverse_extent[a]);
-    let mut b = 0;
-    while b < bins {
-        let unit = along(o, d, near + (b as f32 + 0.5) * step);
-        let cell = grid.cell(unit);
-        if let Some(ahead) = grid.empty_ahead(unit, cell, d) {
-            b = b.saturating_add(steps_within(ahead, step));
+    for (b, optical) in optical_depths(grid, (o, d), (near, step, bins)) {
+        let optical = optical * stretch;
+        if optical == 0.0 {
             continue;
         }
-        let optical = grid.optical_depth(cell) * stretch;
-        if optical > 0.0 {
-            depth += optical;
-            let alpha = (1.0 - (-optical).exp()).min(OPACITY_LIMIT);
-            weight[b + 1] = limited * alpha;
-            limited *= 1.0 - alpha;
-            if limited < TRANSMITTANCE_END {
-                break;
-            }
+        depth += optical;
+        let alpha = (1.0 - (-optical).exp()).min(OPACITY_LIMIT);
+        weight[b + 1] = limited * alpha;
+        limited *= 1.0 - alpha;
+        if limited < TRANSMITTANCE_END {
+            break;
         }
-        b += 1;
     }
     // A surface may lie just outside the cell that knows of it.
     let mass = &mut scratch.mass;

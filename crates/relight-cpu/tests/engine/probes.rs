@@ -61,7 +61,7 @@ fn nothing_dims_a_lamp_where_the_density_grid_knows_of_nothing() {
     assert_eq!(through_fog(0.0, [0.1, 0.1, 3.0]).0, 1.0);
 }
 
-/// Two rays that end at different heights, each with a lamp at the roof and one far above, in turn.
+/// Two rays that end at different heights, each with a lamp just below the roof and one far above.
 #[test]
 fn every_probe_of_a_ray_has_a_shadow_ray_of_its_own() {
     let mut parameters = field(V5);
