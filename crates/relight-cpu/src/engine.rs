@@ -14,11 +14,12 @@ use relight_field::sampling::{EngineConfig, Sampling, Shading};
 
 use crate::adam::{BiasCorrection, Moments};
 use crate::density_grid::DensityGrid;
+use crate::experience::{Experience, Seen};
 use crate::hash_grid::HashGrid;
 use crate::march::{UnitCube, along};
 use crate::networks::{Gradients, Networks};
 use crate::pool::Pool;
-use crate::probes::{Probes, ShadowLevel};
+use crate::probes::Probes;
 use crate::roulette;
 use crate::samples::{Jitter, Marcher, SampleBatch};
 use crate::shade::CodedLight;
@@ -54,7 +55,7 @@ pub struct CpuEngine {
     density: DensityGrid,
     batch: SampleBatch,
     shadow_batch: SampleBatch,
-    shadow_level: ShadowLevel,
+    experience: Experience,
     feature_gradients: Vec<f32>,
     /// Densities at the columns of the batch, for the density grid.
     densities: Vec<f32>,
@@ -76,10 +77,10 @@ struct Sums {
     depth_penalty: f64,
     distortion: f64,
     depth_spread: f64,
-    /// Brightness of photographed shadows beside the same places in the light.
-    shadow_ratios: f64,
-    /// How many such ratios.
-    shadows_seen: f64,
+    /// See [`Experience::shadow`].
+    shadow: Seen,
+    /// See [`Experience::imagined`].
+    imagined: Seen,
 }
 
 impl CpuEngine {
@@ -113,7 +114,7 @@ impl CpuEngine {
             density: DensityGrid::uniform(&field.bounds, DENSITY_RESOLUTION, field.density_scale),
             batch: SampleBatch::default(),
             shadow_batch: SampleBatch::default(),
-            shadow_level: ShadowLevel::default(),
+            experience: Experience::default(),
             feature_gradients: Vec::new(),
             densities: Vec::new(),
             lanes,
@@ -158,8 +159,8 @@ impl CpuEngine {
         let lights = batch.probe_lights.iter().map(|l| self.code_light(l)).collect();
         let mut shadows = std::mem::take(&mut self.shadow_batch);
         let jitter = Jitter(Some(Random::new(self.config.seed, SHADOW_STREAM + settings.step)));
-        let (samples, level) = (&self.batch, self.shadow_level);
-        let probes = Probes::trace(&self.marcher(), batch, samples, lights, level, &mut shadows, jitter);
+        let (samples, shadow) = (&self.batch, self.experience.shadow.mean());
+        let probes = Probes::trace(&self.marcher(), batch, samples, lights, shadow, &mut shadows, jitter);
         self.shadow_batch = shadows;
         Some(probes)
     }
@@ -190,7 +191,9 @@ impl CpuEngine {
         let marcher = self.marcher();
         let (simd, shading, samples) = (self.simd, self.config.shading, &self.batch);
         let scale = 2.0 / (3 * n * lights) as f32;
-        let probe_scale = scale * settings.probe_weight * lights as f32 / probes_a_ray.max(1) as f32;
+        // Photographed probes count no more than imagined ones: lights that were there must not be favoured.
+        let probe_weight = settings.probe_weight * self.experience.trust();
+        let probe_scale = scale * probe_weight * lights as f32 / probes_a_ray.max(1) as f32;
         let roulette = Random::new(self.config.seed, ROULETTE_STREAM + settings.step);
         // Lanes beyond the last tile only have their sums cleared.
         for lane in &mut lanes {
@@ -228,16 +231,15 @@ impl CpuEngine {
                         let point = along(rays_here.origins[r], rays_here.directions[r], workspace.depths[r]);
                         let seen =
                             truth.iter().enumerate().map(|(l, &colour)| (light(r, l).position, colour));
-                        let (sum, count) = probes.compare(
+                        probes.compare(
                             (ray, point),
                             &colours[lights..],
                             &batch.probe_colours,
                             seen,
                             probe_scale,
                             &mut colour_gradient,
+                            (&mut lane.sums.shadow, &mut lane.sums.imagined),
                         );
-                        lane.sums.shadow_ratios += sum;
-                        lane.sums.shadows_seen += count;
                     }
                     let regularisers = Regularisers {
                         depths: if batch.depths.is_empty() { &[] } else { &batch.depths[range] },
@@ -333,8 +335,8 @@ impl Engine for CpuEngine {
             sums.depth_penalty += lane.sums.depth_penalty;
             sums.distortion += lane.sums.distortion;
             sums.depth_spread += lane.sums.depth_spread;
-            sums.shadow_ratios += lane.sums.shadow_ratios;
-            sums.shadows_seen += lane.sums.shadows_seen;
+            sums.shadow.add(lane.sums.shadow);
+            sums.imagined.add(lane.sums.imagined);
         }
         let non_finite = |what: &str| EngineError::NonFinite { step: settings.step, what: what.into() };
         let stats = StepStats {
@@ -363,7 +365,9 @@ impl Engine for CpuEngine {
             self.observe(&batch.rays, settings.step);
         }
         if probes.is_some() {
-            self.shadow_level.observe(sums.shadow_ratios, sums.shadows_seen);
+            self.experience.shadow.observe(sums.shadow);
+            self.experience.imagined.observe(sums.imagined);
+            self.experience.observe_field(stats.loss);
         }
         let rate = settings.learning_rate;
         self.networks.step(&self.lanes[0].gradients, &mut self.moments, rate, &self.correction);
@@ -430,7 +434,7 @@ impl Engine for CpuEngine {
     }
 
     fn state(&self) -> Result<EngineState, EngineError> {
-        Ok(state::save(&self.grid, &self.moments, &self.density, self.shadow_level))
+        Ok(state::save(&self.grid, &self.moments, &self.density, self.experience))
     }
 
     fn restore(&mut self, parameters: &Parameters, state: &EngineState) -> Result<(), EngineError> {
@@ -439,7 +443,7 @@ impl Engine for CpuEngine {
         }
         let mut fresh = Self::new(parameters, self.config)?;
         let (grid, moments, density) = (&mut fresh.grid, &mut fresh.moments, &mut fresh.density);
-        state::load(state, grid, moments, density, &mut fresh.shadow_level)?;
+        state::load(state, grid, moments, density, &mut fresh.experience)?;
         *self = fresh;
         Ok(())
     }

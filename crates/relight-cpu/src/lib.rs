@@ -11,6 +11,7 @@ pub mod dense;
 pub mod density_grid;
 mod draw;
 mod engine;
+pub mod experience;
 pub mod harmonics;
 pub mod hash_grid;
 pub mod march;

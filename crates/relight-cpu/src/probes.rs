@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use relight_field::engine::{RayBatch, Rays};
 use relight_field::sampling::Sampling;
 
+use crate::experience::Seen;
 use crate::march::{self, along};
 use crate::samples::{Jitter, Marcher, SampleBatch};
 use crate::shade::CodedLight;
@@ -31,62 +32,35 @@ const NEARNESS: f32 = 0.03;
 const SURE: f32 = 0.3;
 /// Transmittance of a shadow ray below which a photograph shows what shadow looks like.
 const DARK: f32 = 0.1;
-/// Photographs of shadows that must have been seen before any is imagined.
-const ENOUGH: f32 = 8.0;
-/// Share that a step leaves of what was seen before.
-const MEMORY: f32 = 0.999;
-
-/// How bright shadows are beside the same place in the light, from photographs.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct ShadowLevel {
-    /// Sum of ratios, fading.
-    pub sum: f32,
-    /// Number of ratios, fading.
-    pub count: f32,
-}
-
-impl ShadowLevel {
-    /// The ratio, 0..1, if enough shadows were seen.
-    pub fn ratio(self) -> Option<f32> {
-        (self.count >= ENOUGH).then(|| (self.sum / self.count).clamp(0.0, 1.0))
-    }
-
-    /// Takes in the ratios of one step.
-    pub fn observe(&mut self, sum: f64, count: f64) {
-        self.sum = MEMORY * self.sum + sum as f32;
-        self.count = MEMORY * self.count + count as f32;
-    }
-}
 
 /// The probes of a batch.
 pub struct Probes {
     /// `[n, probes]`: their lights.
     pub lights: Vec<CodedLight>,
     /// `[n, probes]`: share of each light that reaches its ray's surface, as the geometry has it.
-    transmittance: Vec<f32>,
+    pub transmittance: Vec<f32>,
     /// How dark shadows are, where that is known.
     shadow: Option<f32>,
 }
 
-/// What a probe is compared with.
+/// A colour that nobody photographed.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Wanted {
-    /// The colour, sRGB in 0..1.
-    pub colour: [f32; 3],
+struct Imagined {
+    /// sRGB in 0..1.
+    colour: [f32; 3],
     /// How sure it is, 0..1.
-    pub certainty: f32,
-    /// Brightness beside the same place in the light, where a photograph shows shadow.
-    pub shadow: Option<f32>,
+    certainty: f32,
 }
 
 impl Probes {
-    /// Traces the shadow rays of a batch. `samples` are those of its rays, `shadows` is memory.
+    /// Traces the shadow rays of a batch. `samples` are those of its rays, `shadow` is how dark shadows are, `shadows` is
+    /// memory.
     pub fn trace(
         marcher: &Marcher<'_>,
         batch: &RayBatch,
         samples: &SampleBatch,
         lights: Vec<CodedLight>,
-        level: ShadowLevel,
+        shadow: Option<f32>,
         shadows: &mut SampleBatch,
         jitter: Jitter,
     ) -> Self {
@@ -138,13 +112,14 @@ impl Probes {
         for (i, t) in shaded.into_iter().zip(stopped) {
             transmittance[i] = t;
         }
-        Self { lights, transmittance, shadow: level.ratio() }
+        Self { lights, transmittance, shadow }
     }
 
     /// Adds the gradients of the probes of ray `ray`, which ends at `point`, to `gradients`: what it looks like under
     /// them, `colours`, against what it should, times `scale`. `photographed` are its colours there, NaN where there are
-    /// none, `pairs` the positions of its other lights and the colours under them. Returns the sum and the number of
-    /// ratios for [`ShadowLevel::observe`].
+    /// none, `pairs` the positions of its other lights and the colours under them. What the photographs tell is added to
+    /// `shadow` and `imagined`, see [`Experience`](crate::experience::Experience).
+    #[allow(clippy::too_many_arguments)]
     pub fn compare(
         &self,
         (ray, point): (usize, [f32; 3]),
@@ -153,47 +128,44 @@ impl Probes {
         pairs: impl Iterator<Item = ([f32; 3], [f32; 3])> + Clone,
         scale: f32,
         gradients: &mut Vec<[f32; 3]>,
-    ) -> (f64, f64) {
-        let (mut sum, mut count) = (0.0, 0.0);
+        (shadow, imagined): (&mut Seen, &mut Seen),
+    ) {
         let first = ray * colours.len();
         for (probe, (colour, &photographed)) in (first..).zip(colours.iter().zip(&photographed[first..])) {
-            let wanted = self.wanted(probe, point, photographed, pairs.clone());
-            gradients.push(wanted.map_or([0.0; 3], |wanted| {
-                let weight = scale * wanted.certainty;
-                std::array::from_fn(|c| weight * (colour[c] - wanted.colour[c]))
-            }));
-            if let Some(ratio) = wanted.and_then(|wanted| wanted.shadow) {
-                sum += f64::from(ratio);
-                count += 1.0;
+            let known = photographed.iter().all(|c| c.is_finite());
+            let lit = lit_colour(point, self.lights[probe].position, pairs.clone());
+            let guess = lit.and_then(|lit| self.imagine(probe, lit));
+            if known {
+                if let Some(ratio) = lit.and_then(|lit| self.shadow_ratio(probe, lit, photographed)) {
+                    shadow.see(f64::from(ratio), 1.0);
+                }
+                if let Some(guess) = guess {
+                    let off = (0..3).map(|c| (guess.colour[c] - photographed[c]).powi(2)).sum::<f32>() / 3.0;
+                    imagined.see(f64::from(off), f64::from(guess.certainty));
+                }
             }
+            let pull = |wanted: [f32; 3], weight: f32| [0, 1, 2].map(|c| weight * (colour[c] - wanted[c]));
+            gradients.push(match guess {
+                _ if known => pull(photographed, scale),
+                Some(guess) => pull(guess.colour, scale * guess.certainty),
+                None => [0.0; 3],
+            });
         }
-        (sum, count)
     }
 
-    /// What a ray, which ends at `point`, should look like under probe `probe` of the batch. `photographed` is its
-    /// colour there, NaN where there is none; `pairs` are positions of lights and colours under them. `None` if nothing
-    /// can be told.
-    pub fn wanted(
-        &self,
-        probe: usize,
-        point: [f32; 3],
-        photographed: [f32; 3],
-        pairs: impl Iterator<Item = ([f32; 3], [f32; 3])> + Clone,
-    ) -> Option<Wanted> {
-        let lit = lit_colour(point, self.lights[probe].position, pairs);
-        let transmittance = self.transmittance[probe];
-        if photographed.iter().all(|c| c.is_finite()) {
-            // Where the photograph is as bright as it would be in the light, the shadow ray went astray.
-            let shadow = lit
-                .filter(|&(lit, certainty)| transmittance < DARK && certainty >= 0.5 && brightness(lit) > 0.0)
-                .map(|(lit, _)| brightness(photographed) / brightness(lit))
-                .filter(|&ratio| ratio < LIT);
-            return Some(Wanted { colour: photographed, certainty: 1.0, shadow });
-        }
-        let (lit, certainty) = lit?;
+    /// What is imagined of a probe that would look like `lit` in its light.
+    fn imagine(&self, probe: usize, lit: Imagined) -> Option<Imagined> {
         let shadow = self.shadow?;
-        let share = shadow + (1.0 - shadow) * transmittance;
-        Some(Wanted { colour: lit.map(|c| c * share), certainty, shadow: None })
+        let share = shadow + (1.0 - shadow) * self.transmittance[probe];
+        Some(Imagined { colour: lit.colour.map(|c| c * share), ..lit })
+    }
+
+    /// Brightness of a photographed probe beside the same place in its light, if it shows shadow.
+    fn shadow_ratio(&self, probe: usize, lit: Imagined, photographed: [f32; 3]) -> Option<f32> {
+        let sure = self.transmittance[probe] < DARK && lit.certainty >= 0.5 && brightness(lit.colour) > 0.0;
+        // Where the photograph is as bright as it would be in the light, the shadow ray went astray.
+        let ratio = brightness(photographed) / brightness(lit.colour);
+        (sure && ratio < LIT).then_some(ratio)
     }
 }
 
@@ -218,7 +190,7 @@ fn lit_colour(
     point: [f32; 3],
     light: [f32; 3],
     pairs: impl Iterator<Item = ([f32; 3], [f32; 3])> + Clone,
-) -> Option<([f32; 3], f32)> {
+) -> Option<Imagined> {
     let brightest = pairs.clone().map(|(_, colour)| brightness(colour)).fold(0.0, f32::max);
     let (direction, length) = toward(point, light);
     let (mut sum, mut total) = ([0.0; 3], 0.0);
@@ -232,7 +204,7 @@ fn lit_colour(
         total += nearness;
         sum.iter_mut().zip(colour).for_each(|(s, c)| *s += nearness * c);
     }
-    (total > 1e-9).then(|| (sum.map(|s| s / total), (total / SURE).min(1.0)))
+    (total > 1e-9).then(|| Imagined { colour: sum.map(|s| s / total), certainty: (total / SURE).min(1.0) })
 }
 
 fn brightness(colour: [f32; 3]) -> f32 {
@@ -273,50 +245,66 @@ mod tests {
         a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-4)
     }
 
+    fn guess(transmittance: f32, shadow: Option<f32>) -> Option<Imagined> {
+        let probes = probes(transmittance, shadow);
+        probes.imagine(0, lit_colour(POINT, probes.lights[0].position, pairs())?)
+    }
+
+    /// Compares a probe whose colour in the field is black, and returns its gradient and what was seen.
+    fn compared(transmittance: f32, shadow: Option<f32>, photographed: [f32; 3]) -> ([f32; 3], Seen, Seen) {
+        let (mut gradients, mut dark, mut imagined) = (Vec::new(), Seen::default(), Seen::default());
+        probes(transmittance, shadow).compare(
+            (0, POINT),
+            &[[0.0; 3]],
+            &[photographed],
+            pairs(),
+            2.0,
+            &mut gradients,
+            (&mut dark, &mut imagined),
+        );
+        (gradients[0], dark, imagined)
+    }
+
     #[test]
     fn colours_in_the_light_lie_between_those_of_lights_nearby() {
-        let wanted = probes(1.0, Some(0.3)).wanted(0, POINT, UNKNOWN, pairs()).unwrap();
+        let wanted = guess(1.0, Some(0.3)).unwrap();
         assert!(close(wanted.colour, [0.7, 0.5, 0.3]), "{wanted:?}");
-        assert_eq!((wanted.certainty, wanted.shadow), (1.0, None));
+        assert_eq!(wanted.certainty, 1.0);
     }
 
     #[test]
     fn shadows_are_as_dark_as_photographed_ones() {
-        let wanted = probes(0.0, Some(0.3)).wanted(0, POINT, UNKNOWN, pairs()).unwrap();
+        let wanted = guess(0.0, Some(0.3)).unwrap();
         assert!(close(wanted.colour, [0.21, 0.15, 0.09]), "{wanted:?}");
-        let half = probes(0.5, Some(0.3)).wanted(0, POINT, UNKNOWN, pairs()).unwrap();
+        let half = guess(0.5, Some(0.3)).unwrap();
         assert!(close(half.colour, [0.455, 0.325, 0.195]), "{half:?}");
     }
 
     #[test]
     fn nothing_is_imagined_without_knowing_shadows_or_lights_nearby() {
-        assert_eq!(probes(0.0, None).wanted(0, POINT, UNKNOWN, pairs()), None);
-        assert_eq!(probes(0.0, Some(0.3)).wanted(0, POINT, UNKNOWN, std::iter::empty()), None);
-        let far = pairs().skip(3);
-        assert!(probes(0.0, Some(0.3)).wanted(0, POINT, UNKNOWN, far).is_none_or(|w| w.certainty < 0.01));
+        assert_eq!(guess(0.0, None), None);
+        assert_eq!(lit_colour(POINT, [0.1, 0.2, 0.5], std::iter::empty()), None);
+        let far = lit_colour(POINT, [0.1, 0.2, 0.5], pairs().skip(3));
+        assert!(far.is_none_or(|w| w.certainty < 0.01));
     }
 
     #[test]
-    fn photographs_are_taken_as_they_are_and_tell_of_shadows() {
-        let photograph = [0.35, 0.25, 0.15];
-        let lit = probes(1.0, None).wanted(0, POINT, photograph, pairs()).unwrap();
-        assert_eq!((lit.colour, lit.certainty, lit.shadow), (photograph, 1.0, None));
-        let dark = probes(0.0, None).wanted(0, POINT, photograph, pairs()).unwrap();
-        assert!((dark.shadow.unwrap() - 0.5).abs() < 1e-4, "{dark:?}");
-        let astray = probes(0.0, None).wanted(0, POINT, [0.65, 0.45, 0.3], pairs()).unwrap();
-        assert_eq!(astray.shadow, None);
+    fn colours_are_pulled_to_photographs_or_else_to_what_is_imagined() {
+        let (imagined, dark, seen) = compared(0.0, Some(0.3), UNKNOWN);
+        assert!(close(imagined, [-0.42, -0.3, -0.18]), "{imagined:?}");
+        assert_eq!((dark, seen), (Seen::default(), Seen::default()));
+        assert_eq!(compared(0.0, None, UNKNOWN).0, [0.0; 3]);
+        assert!(close(compared(0.0, Some(0.3), [0.35, 0.25, 0.15]).0, [-0.7, -0.5, -0.3]));
     }
 
     #[test]
-    fn the_shadow_level_waits_and_forgets() {
-        let mut level = ShadowLevel::default();
-        level.observe(2.0, 4.0);
-        assert_eq!(level.ratio(), None);
-        level.observe(2.1, 4.1);
-        assert!((level.ratio().unwrap() - 0.506).abs() < 1e-3);
-        for _ in 0..5000 {
-            level.observe(0.25, 1.0);
-        }
-        assert!((level.ratio().unwrap() - 0.25).abs() < 0.01);
+    fn photographs_tell_of_shadows_and_of_what_was_imagined() {
+        let (_, dark, imagined) = compared(0.0, Some(0.3), [0.35, 0.25, 0.15]);
+        assert!((dark.sum - 0.5).abs() < 1e-4 && dark.count == 1.0, "{dark:?}");
+        let off = f64::from(0.14f32.powi(2) + 0.1f32.powi(2) + 0.06f32.powi(2)) / 3.0;
+        assert!((imagined.sum - off).abs() < 1e-5 && imagined.count == 1.0, "{imagined:?}");
+        // In the light, or as bright as that, nothing is learnt of shadows.
+        assert_eq!(compared(1.0, Some(0.3), [0.35, 0.25, 0.15]).1, Seen::default());
+        assert_eq!(compared(0.0, Some(0.3), [0.65, 0.45, 0.3]).1, Seen::default());
     }
 }

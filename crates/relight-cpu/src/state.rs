@@ -4,8 +4,8 @@ use relight_field::engine::{EngineError, EngineState, StateTensor};
 
 use crate::adam::Moments;
 use crate::density_grid::DensityGrid;
+use crate::experience::{Experience, Fading};
 use crate::hash_grid::HashGrid;
-use crate::probes::ShadowLevel;
 
 /// Names of the networks, in the order of their moments.
 const NETWORKS: [&str; 3] = ["geo", "rgb", "vis"];
@@ -15,7 +15,7 @@ pub fn save(
     grid: &HashGrid,
     moments: &[Moments; 3],
     density: &DensityGrid,
-    shadows: ShadowLevel,
+    experience: Experience,
 ) -> EngineState {
     let mut state = EngineState::new();
     let (m, v, updates) = grid.moments();
@@ -27,7 +27,10 @@ pub fn save(
         state.insert(format!("adam.{name}.v"), StateTensor::F32(moments.v.clone()));
         state.insert(format!("adam.{name}.updates"), StateTensor::U32(vec![moments.updates]));
     }
-    state.insert("shadows".into(), StateTensor::F32(vec![shadows.sum, shadows.count]));
+    let Experience { shadow, imagined, field, least } = experience;
+    let means = [shadow, imagined, field].into_iter().flat_map(|mean| [mean.sum, mean.count]);
+    let means = means.chain([least]).collect();
+    state.insert("probes".into(), StateTensor::F32(means));
     state.insert("density".into(), StateTensor::U8(density.cells().to_vec()));
     state
 }
@@ -41,7 +44,7 @@ pub fn load(
     grid: &mut HashGrid,
     moments: &mut [Moments; 3],
     density: &mut DensityGrid,
-    shadows: &mut ShadowLevel,
+    experience: &mut Experience,
 ) -> Result<(), EngineError> {
     let missing = |name: &str| {
         EngineError::Shape(format!("the checkpoint lacks `{name}`, or holds it in another shape"))
@@ -70,8 +73,10 @@ pub fn load(
         let [updates] = u32s(&name)?[..] else { return Err(missing(&name)) };
         moments.updates = updates;
     }
-    let [sum, count] = f32s("shadows")?[..] else { return Err(missing("shadows")) };
-    *shadows = ShadowLevel { sum, count };
+    let (means, &[least]) = f32s("probes")?.as_chunks() else { return Err(missing("probes")) };
+    let &[shadow, imagined, field] = means else { return Err(missing("probes")) };
+    let [shadow, imagined, field] = [shadow, imagined, field].map(|[sum, count]| Fading { sum, count });
+    *experience = Experience { shadow, imagined, field, least };
     match state.get("density") {
         Some(StateTensor::U8(cells)) if density.set_cells(cells) => Ok(()),
         _ => Err(missing("density")),

@@ -39,7 +39,7 @@ fn light_spacing(scene: &Scene, store: &PixelStore) -> f64 {
     found.iter().sum::<f64>() / found.len().max(1) as f64
 }
 
-/// One probe in so many is under a light that was photographed.
+/// One probe in so many is under a light that was photographed, one that its ray is not compared under anyway.
 const KNOWN_PROBES: usize = 8;
 
 /// Lights that a ray must be compared under at least, to have probes.
@@ -129,11 +129,13 @@ impl<'a> BatchSampler<'a> {
         if pairs == 0 {
             return Err(TrainError::Data(format!("{}: no training images", scene.root.display())));
         }
-        let per_ray = lights.per_ray.min(most);
         let spacing = light_spacing(scene, store);
-        // From fewer photographs nobody could tell what another light would show.
         let probe_reach = (lights.probe_reach * spacing) as f32;
-        let probes = if per_ray < LEAST_FOR_PROBES || probe_reach == 0.0 { 0 } else { lights.probes };
+        // From fewer photographs nobody could tell what another light would show, and one must be left to tell whether
+        // that would have been right.
+        let enough = lights.per_ray >= LEAST_FOR_PROBES && most > LEAST_FOR_PROBES;
+        let probes = if enough && probe_reach > 0.0 { lights.probes } else { 0 };
+        let per_ray = lights.per_ray.min(if probes > 0 { most - 1 } else { most });
         Ok(Self {
             store,
             depths,
@@ -212,15 +214,21 @@ impl<'a> BatchSampler<'a> {
         let n = self.rays * self.probes;
         batch.probe_lights.resize(n, LightPose([0.0; 12]));
         batch.probe_colours.resize(n, [f32::NAN; 3]);
+        let light_index = &batch.light_index;
         let probes = batch.probe_lights.par_iter_mut().zip(&mut batch.probe_colours);
         probes.enumerate().with_min_len(64).for_each(|(probe, (light, colour))| {
             let (ray, which) = (probe / self.probes, probe % self.probes);
             let first = ray as u64 * draws;
             let (v, pixel) = self.pixel(random, first);
             let own = first + draws - 4 * (which as u64 + 1);
-            let slot = random.below_at(own, self.store.lights(v).len() as u32) as usize;
-            *light = self.lights[self.store.lights(v)[slot] as usize];
-            *colour = if probe % KNOWN_PROBES == 0 {
+            let held = self.store.lights(v);
+            let first_slot = random.below_at(own, held.len() as u32) as usize;
+            // Photographs that the ray is compared with anyway would say nothing new.
+            let taken = &light_index[ray * self.lights_per_ray..][..self.lights_per_ray];
+            let untold = (first_slot..held.len()).chain(0..first_slot).find(|&s| !taken.contains(&held[s]));
+            let known = untold.filter(|_| probe % KNOWN_PROBES == 0);
+            *light = self.lights[held[known.unwrap_or(first_slot)] as usize];
+            *colour = if let Some(slot) = known {
                 self.store.pixel(v, pixel)[slot].map(|c| f32::from(c) / 255.0)
             } else {
                 move_light(light, self.probe_reach, |axis| random.uniform_at(own + 1 + axis));

@@ -56,11 +56,9 @@ pub struct Recipe {
     pub learning_rate: Schedule,
     /// Weight of the penalty on ray weight far from the depth that stereo expects.
     pub depth_weight: Schedule,
-    /// Weight of a ray's probes together, beside its photographs together.
+    /// Weight of a ray's probes together, beside its photographs together, if what is imagined of them were as sure as
+    /// photographs: engines find out how sure it is, and weigh it by that.
     pub probe_weight: Schedule,
-    /// Steps over which that weight is phased in, however long the training: shadows are those of the geometry, which
-    /// takes a number of steps to settle.
-    pub probe_warmup: u64,
     /// Weight of the distortion loss.
     pub distortion_weight: Schedule,
     /// The hash grid; `None`: as fine as the images ask for, see [`fitting_grid`](crate::fineness::fitting_grid).
@@ -95,7 +93,6 @@ impl Recipe {
             learning_rate: Schedule::Constant(1e-2),
             depth_weight: Schedule::Constant(0.0),
             probe_weight: Schedule::Constant(0.0),
-            probe_warmup: 0,
             distortion_weight: Schedule::Constant(0.0),
             grid: Some(GridConfig::default()),
         }
@@ -124,8 +121,7 @@ impl Recipe {
             roulette: 1.5,
             learning_rate: Schedule::Exponential { from: 1e-2, to: 3e-4 },
             depth_weight: Schedule::Linear { from: 0.1, to: 0.0, start: 0.0, end: 0.25 },
-            probe_weight: Schedule::Linear { from: 0.0, to: 0.625, start: 0.15, end: 0.2 },
-            probe_warmup: 6000,
+            probe_weight: Schedule::Linear { from: 0.0, to: 0.8, start: 0.15, end: 0.2 },
             grid: None,
             ..Self::paper()
         }
@@ -138,12 +134,6 @@ impl Recipe {
             "fast" => Some(Self::fast()),
             _ => None,
         }
-    }
-
-    /// Weight of a ray's probes in step `step` at `progress`.
-    pub fn probe_weight_at(&self, progress: f64, step: u64) -> f64 {
-        let phased_in = (step as f64 / self.probe_warmup.max(1) as f64).min(1.0);
-        self.probe_weight.at(progress) * phased_in
     }
 
     /// Checks what a hand-edited file may get wrong.
@@ -221,16 +211,6 @@ mod tests {
             assert_eq!(toml::from_str::<Recipe>(&text).unwrap(), recipe, "{text}");
         }
         assert_eq!(Recipe::preset("slow"), None);
-    }
-
-    #[test]
-    fn probes_wait_for_progress_and_for_steps() {
-        let weight = Schedule::Linear { from: 0.0, to: 0.5, start: 0.2, end: 0.2 };
-        let recipe = Recipe { probe_weight: weight, probe_warmup: 1000, ..Recipe::fast() };
-        assert_eq!(recipe.probe_weight_at(0.1, 5000), 0.0);
-        assert_eq!(recipe.probe_weight_at(0.5, 500), 0.25);
-        assert_eq!([1000, 90_000].map(|step| recipe.probe_weight_at(0.5, step)), [0.5; 2]);
-        assert_eq!(Recipe { probe_warmup: 0, ..recipe }.probe_weight_at(0.5, 1), 0.5);
     }
 
     #[test]

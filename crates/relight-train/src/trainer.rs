@@ -243,7 +243,7 @@ impl<'a> Trainer<'a> {
             depth_weight: recipe.depth_weight.at(progress) as f32,
             depth_margin: recipe.depth_margin as f32 * self.config.bounds.longest_edge(),
             distortion_weight: recipe.distortion_weight.at(progress) as f32,
-            probe_weight: recipe.probe_weight_at(progress, self.standing.step) as f32,
+            probe_weight: recipe.probe_weight.at(progress) as f32,
             roulette: recipe.roulette as f32,
         };
         let non_finite = |what: String| TrainError::NonFinite {

@@ -2,7 +2,7 @@
 
 use fearless_simd::Level;
 use relight_cpu::density_grid::DensityGrid;
-use relight_cpu::probes::{Probes, ShadowLevel};
+use relight_cpu::probes::Probes;
 use relight_cpu::samples::{Jitter, SampleBatch};
 use relight_field::architecture::V5;
 use relight_field::engine::RayBatch;
@@ -33,13 +33,9 @@ fn through_fog(density: f32, lamp: [f32; 3]) -> (f32, f32) {
     let light = coded(&[relight_field::engine::LightPose([
         1.0, 0.0, 0.0, lamp[0], 0.0, 1.0, 0.0, lamp[1], 0.0, 0.0, 1.0, lamp[2],
     ])]);
-    let shadow = ShadowLevel { sum: 0.0, count: 100.0 };
     let mut memory = SampleBatch::default();
-    let probes = Probes::trace(&marcher, &batch, &samples, light, shadow, &mut memory, jitter);
-    // Shadows are black and the light is white: the colour is what arrives.
-    let pairs = std::iter::once((lamp, [1.0; 3]));
-    let wanted = probes.wanted(0, point, [f32::NAN; 3], pairs).unwrap();
-    (wanted.colour[0], point[2])
+    let probes = Probes::trace(&marcher, &batch, &samples, light, None, &mut memory, jitter);
+    (probes.transmittance[0], point[2])
 }
 
 #[test]
@@ -85,14 +81,12 @@ fn every_probe_of_a_ray_has_a_shadow_ray_of_its_own() {
             relight_field::engine::LightPose([1.0, 0.0, 0.0, x, 0.0, 1.0, 0.0, y, 0.0, 0.0, 1.0, z])
         })
         .collect();
-    let shadow = ShadowLevel { sum: 0.0, count: 100.0 };
     let mut memory = SampleBatch::default();
-    let probes = Probes::trace(&marcher, &batch, &samples, coded(&poses), shadow, &mut memory, jitter);
+    let probes = Probes::trace(&marcher, &batch, &samples, coded(&poses), None, &mut memory, jitter);
     let gap = 1.5 * 0.7 / 16.0;
     for (probe, pose) in poses.iter().enumerate() {
         let point = points[probe / 2];
-        let pairs = std::iter::once((pose.position(), [1.0; 3]));
-        let arrived = probes.wanted(probe, point, [f32::NAN; 3], pairs).unwrap().colour[0];
+        let arrived = probes.transmittance[probe];
         let expected = FOG * (pose.position()[2].min(0.7) - point[2] - gap);
         assert!((-arrived.ln() - expected).abs() < 0.06, "{probe}: {} {expected}", -arrived.ln());
     }
