@@ -6,10 +6,12 @@ use std::time::Instant;
 
 use anyhow::{bail, ensure};
 use relight_field::parameters::Parameters;
-use relight_scene::{Bounds, PixelStore, Scene, Splits};
+use relight_scene::{Bounds, PixelStore, Scene, Splits, scene_bounds};
 use relight_stereo::{DepthPrior, StereoSettings};
+use relight_train::fineness::fitting_grid;
 use relight_train::recipe::Recipe;
-use relight_train::run::{RunConfig, RunFolder, splits_fingerprint};
+use relight_train::run::{FORMAT, RunConfig, RunFolder, splits_fingerprint};
+use relight_train::schedule::Budget;
 use relight_train::trainer::{Ending, Event, Outcome, Trainer, TrainingData};
 
 use crate::console::{Progress, cancel_flag, print_json, unless};
@@ -18,12 +20,23 @@ use crate::engines::{self, Device};
 /// Share of the pixels whose depth stereo must know before its surfaces decide the box.
 const TRUSTED: f64 = 0.1;
 
+/// What somebody wants of a training.
+pub struct Wish {
+    pub model: String,
+    pub preset: String,
+    pub recipe: Recipe,
+    pub seed: u32,
+    pub budget: Budget,
+    /// The field's box, or `None` to find it.
+    pub bounds: Option<Bounds>,
+}
+
 /// A scene that is ready to be trained on.
 pub struct Prepared {
     pub scene: Scene,
     pub splits: Splits,
     pub pixels: PixelStore,
-    depths: Option<DepthPrior>,
+    pub depths: Option<DepthPrior>,
     /// Seconds that finding the depths took.
     seconds: f64,
 }
@@ -33,6 +46,30 @@ impl Prepared {
     pub fn load(scene: Scene, splits: Splits, quiet: bool) -> anyhow::Result<Self> {
         let pixels = load_pixels(&scene, &splits, quiet)?;
         Ok(Self { scene, splits, pixels, depths: None, seconds: 0.0 })
+    }
+
+    /// All settings of a new run: finds the surfaces, the box, and the grid that fits it, where they are not given.
+    pub fn plan(&mut self, wish: Wish) -> anyhow::Result<RunConfig> {
+        let Wish { model, preset, mut recipe, seed, budget, bounds } = wish;
+        let search = bounds.unwrap_or_else(|| scene_bounds(&self.scene));
+        self.find_surfaces(&recipe, &search)?;
+        let bounds = bounds.or_else(|| self.surface_bounds()).unwrap_or(search);
+        recipe.grid.get_or_insert_with(|| fitting_grid(&self.scene.cameras, &bounds));
+        let config = RunConfig {
+            format: FORMAT.to_owned(),
+            scene: self.scene.root.canonicalize().unwrap_or_else(|_| self.scene.root.clone()),
+            scene_name: self.scene.name.clone(),
+            model,
+            preset,
+            seed,
+            splits: splits_fingerprint(&self.scene, &self.splits),
+            budget,
+            bounds,
+            search,
+            recipe,
+        };
+        config.field()?;
+        Ok(config)
     }
 
     /// Looks for surfaces in the box `search` by stereo, where the recipe wants it. Fails if it is stopped meanwhile.
@@ -59,7 +96,7 @@ impl Prepared {
     }
 
     /// The box of the surfaces that were found, if enough were.
-    pub fn surface_bounds(&self) -> Option<Bounds> {
+    fn surface_bounds(&self) -> Option<Bounds> {
         self.depths.as_ref().filter(|prior| prior.coverage() >= TRUSTED).and_then(DepthPrior::bounds)
     }
 }

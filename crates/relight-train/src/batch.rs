@@ -11,6 +11,7 @@ use relight_scene::{Intrinsics, PixelStore, Pose, Scene};
 use relight_stereo::DepthPrior;
 
 use crate::TrainError;
+use crate::recipe::Recipe;
 
 /// Streams of the seed below this number are left to the engine.
 const FIRST_STREAM: u64 = 1 << 62;
@@ -39,7 +40,7 @@ fn light_spacing(scene: &Scene, store: &PixelStore) -> f64 {
     found.iter().sum::<f64>() / found.len().max(1) as f64
 }
 
-/// One probe in so many is under a light that was photographed, one that its ray is not compared under anyway.
+/// One probe in so many stands where a photograph was taken that its ray is not compared with, if there is one.
 const KNOWN_PROBES: usize = 8;
 
 /// Lights that a ray must be compared under at least, to have probes.
@@ -58,6 +59,18 @@ pub struct LightChoice {
     pub probes: usize,
     /// How far those are moved from lights that were photographed, as lights are; 0: no probes.
     pub probe_reach: f64,
+}
+
+impl LightChoice {
+    /// The choice of a recipe.
+    pub fn of(recipe: &Recipe) -> Self {
+        Self {
+            per_ray: recipe.lights_per_ray,
+            shift: recipe.light_shift,
+            probes: recipe.probes_per_ray,
+            probe_reach: recipe.probe_reach,
+        }
+    }
 }
 
 /// Where one training view's rays come from.
@@ -189,9 +202,15 @@ impl<'a> BatchSampler<'a> {
                 let (held, pixels) = (self.store.lights(v), self.store.pixel(v, pixel));
                 let own = k.min(held.len());
                 draw_distinct(held.len() as u32, &mut lights[..own], |i| random.u32_at(first + 2 + i));
-                // A view with fewer lights shows them again.
+                // A view with fewer lights shows them again, all as often.
                 for i in own..k {
                     lights[i] = lights[i - own];
+                }
+                if own < k {
+                    let turn = random.u32_at(first + 2);
+                    for light in lights.iter_mut() {
+                        *light = (*light + turn % own as u32) % own as u32;
+                    }
                 }
                 for (light, colour) in lights.iter_mut().zip(colours) {
                     let slot = *light as usize;
@@ -222,18 +241,20 @@ impl<'a> BatchSampler<'a> {
             let (v, pixel) = self.pixel(random, first);
             let own = first + draws - 4 * (which as u64 + 1);
             let held = self.store.lights(v);
-            let first_slot = random.below_at(own, held.len() as u32) as usize;
             // Photographs that the ray is compared with anyway would say nothing new.
             let taken = &light_index[ray * self.lights_per_ray..][..self.lights_per_ray];
-            let untold = (first_slot..held.len()).chain(0..first_slot).find(|&s| !taken.contains(&held[s]));
-            let known = untold.filter(|_| probe % KNOWN_PROBES == 0);
-            *light = self.lights[held[known.unwrap_or(first_slot)] as usize];
-            *colour = if let Some(slot) = known {
-                self.store.pixel(v, pixel)[slot].map(|c| f32::from(c) / 255.0)
+            let left = held.len().saturating_sub(self.lights_per_ray);
+            if probe % KNOWN_PROBES == 0 && left > 0 {
+                let mut untaken = (0..held.len()).filter(|&slot| !taken.contains(&held[slot]));
+                if let Some(slot) = untaken.nth(random.below_at(own, left as u32) as usize) {
+                    *light = self.lights[held[slot] as usize];
+                    *colour = self.store.pixel(v, pixel)[slot].map(|c| f32::from(c) / 255.0);
+                }
             } else {
+                *light = self.lights[held[random.below_at(own, held.len() as u32) as usize] as usize];
                 move_light(light, self.probe_reach, |axis| random.uniform_at(own + 1 + axis));
-                [f32::NAN; 3]
-            };
+                *colour = [f32::NAN; 3];
+            }
         });
     }
 

@@ -1,7 +1,9 @@
 //! All settings of training, and the two presets.
 
+use relight_field::engine::StepSettings;
 use relight_field::parameters::GridConfig;
 use relight_field::sampling::{Sampling, Shading};
+use relight_scene::Bounds;
 use serde::{Deserialize, Serialize};
 
 use crate::TrainError;
@@ -124,6 +126,19 @@ impl Recipe {
             probe_weight: Schedule::Linear { from: 0.0, to: 0.8, start: 0.15, end: 0.2 },
             grid: None,
             ..Self::paper()
+        }
+    }
+
+    /// Settings of step `step` at `progress` (0..1), for a field in the box `bounds`.
+    pub fn step_settings(&self, step: u64, progress: f64, bounds: &Bounds) -> StepSettings {
+        StepSettings {
+            step,
+            learning_rate: self.learning_rate.at(progress) as f32,
+            depth_weight: self.depth_weight.at(progress) as f32,
+            depth_margin: self.depth_margin as f32 * bounds.longest_edge(),
+            distortion_weight: self.distortion_weight.at(progress) as f32,
+            probe_weight: self.probe_weight.at(progress) as f32,
+            roulette: self.roulette as f32,
         }
     }
 

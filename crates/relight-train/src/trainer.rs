@@ -4,7 +4,7 @@ use std::fs;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use relight_field::engine::{Engine, EngineError, RayBatch, StepSettings, StepStats};
+use relight_field::engine::{Engine, EngineError, RayBatch, StepStats};
 use relight_field::parameters::Parameters;
 use relight_field::weights_file;
 use relight_scene::{PixelStore, Scene, Splits};
@@ -126,12 +126,7 @@ impl<'a> Trainer<'a> {
             data.pixels,
             data.depths,
             recipe.rays_per_step,
-            LightChoice {
-                per_ray: recipe.lights_per_ray,
-                shift: recipe.light_shift,
-                probes: recipe.probes_per_ray,
-                probe_reach: recipe.probe_reach,
-            },
+            LightChoice::of(recipe),
             u64::from(config.seed),
         )?;
         let validation = Validation::load(data.scene, &data.splits.val, recipe.validation_pixels)?;
@@ -237,15 +232,7 @@ impl<'a> Trainer<'a> {
         let recipe = &self.config.recipe;
         let step = self.standing.step;
         self.batches.fill(step, batch);
-        let settings = StepSettings {
-            step,
-            learning_rate: recipe.learning_rate.at(progress) as f32,
-            depth_weight: recipe.depth_weight.at(progress) as f32,
-            depth_margin: recipe.depth_margin as f32 * self.config.bounds.longest_edge(),
-            distortion_weight: recipe.distortion_weight.at(progress) as f32,
-            probe_weight: recipe.probe_weight.at(progress) as f32,
-            roulette: recipe.roulette as f32,
-        };
+        let settings = recipe.step_settings(step, progress, &self.config.bounds);
         let non_finite = |what: String| TrainError::NonFinite {
             step,
             what,

@@ -9,20 +9,19 @@ use std::path::{Path, PathBuf};
 use anyhow::{bail, ensure};
 use relight_field::engine::{Engine, Outputs, RenderSettings};
 use relight_render::{Film, Map, focus, paths, render};
-use relight_scene::{Bounds, Image, PixelStore, Scene, Split, scene_bounds};
+use relight_scene::{Image, PixelStore, Scene, Split};
 use relight_train::Report;
 use relight_train::baselines::{NearestLight, mean_image};
 use relight_train::demo_scene::DemoScene;
 use relight_train::evaluation::{Evaluation, Scores, evaluate};
-use relight_train::fineness::fitting_grid;
 use relight_train::recipe::Recipe;
-use relight_train::run::{FORMAT, RunConfig, RunFolder, splits_fingerprint, write_whole};
+use relight_train::run::{RunConfig, RunFolder, write_whole};
 use relight_train::schedule::Budget;
 use relight_train::trainer::Ending;
 
 use crate::console::{Progress, cancel_flag, print_line, unless};
 use crate::engines::{self, Device};
-use crate::preparation::{Prepared, open, train};
+use crate::preparation::{Prepared, Wish, open, train};
 use crate::report_page::ReportPage;
 
 /// The scene: small enough to train in a minute or two, large enough to see.
@@ -60,28 +59,21 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         out.display()
     );
     // Validated often, for the curve on the page.
-    let mut recipe = Recipe { epoch: Some(250), ..Recipe::fast() };
+    let recipe = Recipe { epoch: Some(250), ..Recipe::fast() };
+    let wish = Wish {
+        model: "v5".to_owned(),
+        preset: "fast".to_owned(),
+        recipe,
+        seed: 0,
+        budget: Budget { steps: None, minutes: Some(args.minutes) },
+        bounds: None,
+    };
     let folder = out.join("scene");
-    let (data, search) = prepare(&folder, &recipe, quiet).inspect_err(|_| {
+    let (data, config) = prepare(&folder, wish, quiet).inspect_err(|_| {
         // Nothing has been learnt that is worth keeping, and the next demo wants an empty folder. What went wrong is told
         // already.
         let _ = fs::remove_dir_all(&folder);
     })?;
-    let bounds = data.surface_bounds().unwrap_or(search);
-    recipe.grid.get_or_insert_with(|| fitting_grid(&data.scene.cameras, &bounds));
-    let config = RunConfig {
-        format: FORMAT.to_owned(),
-        scene: data.scene.root.canonicalize()?,
-        scene_name: data.scene.name.clone(),
-        model: "v5".to_owned(),
-        preset: "fast".to_owned(),
-        seed: 0,
-        splits: splits_fingerprint(&data.scene, &data.splits),
-        budget: Budget { steps: None, minutes: Some(args.minutes) },
-        bounds,
-        search,
-        recipe,
-    };
     let run = RunFolder::create(&out.join("run"), &config)?;
     let outcome = train(&run, &config, &data, Device::Auto, false, quiet)?;
     if outcome.ending == Ending::Cancelled {
@@ -126,16 +118,15 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Makes the scene in `folder` and looks at it; with the box that its cameras frame.
-fn prepare(folder: &Path, recipe: &Recipe, quiet: bool) -> anyhow::Result<(Prepared, Bounds)> {
+/// Makes the scene in `folder`, looks at it, and settles how to train on it.
+fn prepare(folder: &Path, wish: Wish, quiet: bool) -> anyhow::Result<(Prepared, RunConfig)> {
     // From here on Ctrl-C stops between two images.
     cancel_flag()?;
     SCENE.write(folder)?;
     let (scene, splits) = open(folder)?;
     let mut data = Prepared::load(scene, splits, quiet)?;
-    let search = scene_bounds(&data.scene);
-    data.find_surfaces(recipe, &search)?;
-    Ok((data, search))
+    let config = data.plan(wish)?;
+    Ok((data, config))
 }
 
 /// A film of the first test view in which the light moves.

@@ -5,15 +5,14 @@ use std::path::PathBuf;
 use anyhow::{Context, bail};
 use clap::ValueEnum;
 use relight_field::architecture::VARIANTS;
-use relight_scene::{Bounds, read_text, scene_bounds};
-use relight_train::fineness::fitting_grid;
+use relight_scene::{Bounds, read_text};
 use relight_train::recipe::Recipe;
-use relight_train::run::{FORMAT, RunConfig, RunFolder, field_of, splits_fingerprint};
+use relight_train::run::{RunConfig, RunFolder, field_of};
 use relight_train::schedule::Budget;
 use relight_train::trainer::Ending;
 
 use crate::engines::{self, Device};
-use crate::preparation::{Prepared, check_splits, open, train};
+use crate::preparation::{Prepared, Wish, check_splits, open, train};
 
 /// A recipe's longest length, bytes.
 const LONGEST_RECIPE: u64 = 1 << 20;
@@ -70,20 +69,20 @@ pub struct Args {
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum Preset {
+pub enum Preset {
     Fast,
     Paper,
 }
 
 impl Preset {
-    fn name(self) -> &'static str {
+    pub fn name(self) -> &'static str {
         match self {
             Self::Fast => "fast",
             Self::Paper => "paper",
         }
     }
 
-    fn recipe(self) -> Recipe {
+    pub fn recipe(self) -> Recipe {
         match self {
             Self::Fast => Recipe::fast(),
             Self::Paper => Recipe::paper(),
@@ -114,27 +113,17 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
 fn begin(args: &Args, quiet: bool) -> anyhow::Result<(RunFolder, RunConfig, Prepared)> {
     RunFolder::check_vacant(&args.out)?;
     let model = args.model.as_deref().unwrap_or(MODEL).to_lowercase();
-    let mut recipe = recipe(args, &model)?;
+    let recipe = recipe(args, &model)?;
     let (scene, splits) = open(&args.scene)?;
     let mut data = Prepared::load(scene, splits, quiet)?;
-    let search = args.bounds.unwrap_or_else(|| scene_bounds(&data.scene));
-    data.find_surfaces(&recipe, &search)?;
-    let bounds = args.bounds.or_else(|| data.surface_bounds()).unwrap_or(search);
-    recipe.grid.get_or_insert_with(|| fitting_grid(&data.scene.cameras, &bounds));
-    let config = RunConfig {
-        format: FORMAT.to_owned(),
-        scene: data.scene.root.canonicalize().unwrap_or_else(|_| data.scene.root.clone()),
-        scene_name: data.scene.name.clone(),
+    let config = data.plan(Wish {
         model,
         preset: args.preset.unwrap_or(Preset::Fast).name().to_owned(),
-        seed: args.seed.unwrap_or(0),
-        splits: splits_fingerprint(&data.scene, &data.splits),
-        budget: Budget { steps: args.steps, minutes: args.minutes },
-        bounds,
-        search,
         recipe,
-    };
-    config.field()?;
+        seed: args.seed.unwrap_or(0),
+        budget: Budget { steps: args.steps, minutes: args.minutes },
+        bounds: args.bounds,
+    })?;
     Ok((RunFolder::create(&args.out, &config)?, config, data))
 }
 
