@@ -62,17 +62,17 @@ pub struct Experience {
     pub imagined: Fading,
     /// Mean square by which the field misses photographs.
     pub field: Fading,
-    /// The least that was ever.
+    /// Least mean of `field` so far; 0: not known.
     pub least: f32,
 }
 
 impl Experience {
-    /// What an imagined colour counts beside a photograph, 0..1. Like any two measurements they count inversely to
-    /// their variance: the field's own error at photographs stands for that of a photograph, since the field tells
-    /// nothing finer apart.
+    /// What an imagined colour counts beside a photograph, 0..1. Two measurements count inversely to their variance:
+    /// the field's error at photographs stands in for that of photographs, since the field shows nothing finer. A rule
+    /// of thumb: probes are known only where lights stood, and most stand elsewhere.
     pub fn trust(self) -> f32 {
         match self.imagined.mean() {
-            Some(imagined) if imagined > 0.0 => (self.least / imagined).min(1.0),
+            Some(imagined) if self.least > 0.0 => (self.least / imagined).min(1.0),
             _ => 0.0,
         }
     }

@@ -30,6 +30,8 @@ const LIT: f32 = 0.6;
 const NEARNESS: f32 = 0.03;
 /// Nearness, summed over lights, of a colour that is as sure as any.
 const SURE: f32 = 0.3;
+/// Transmittance of a shadow ray above which a place is as good as lit.
+const LIGHT: f32 = 0.99;
 /// Transmittance of a shadow ray below which a photograph shows what shadow looks like.
 const DARK: f32 = 0.1;
 
@@ -145,18 +147,25 @@ impl Probes {
                 }
             }
             let pull = |wanted: [f32; 3], weight: f32| [0, 1, 2].map(|c| weight * (colour[c] - wanted[c]));
-            gradients.push(match guess {
-                _ if known => pull(photographed, scale),
-                Some(guess) => pull(guess.colour, scale * guess.certainty),
-                None => [0.0; 3],
+            gradients.push(if known {
+                pull(photographed, scale)
+            } else if let Some(guess) = guess {
+                pull(guess.colour, scale * guess.certainty)
+            } else {
+                [0.0; 3]
             });
         }
     }
 
     /// What is imagined of a probe that would look like `lit` in its light.
     fn imagine(&self, probe: usize, lit: Imagined) -> Option<Imagined> {
-        let shadow = self.shadow?;
-        let share = shadow + (1.0 - shadow) * self.transmittance[probe];
+        let transmittance = self.transmittance[probe];
+        let share = match self.shadow {
+            Some(shadow) => shadow + (1.0 - shadow) * transmittance,
+            // In full light it does not matter how dark shadows are.
+            None if transmittance > LIGHT => 1.0,
+            None => return None,
+        };
         Some(Imagined { colour: lit.colour.map(|c| c * share), ..lit })
     }
 
