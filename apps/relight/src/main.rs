@@ -12,7 +12,7 @@ use std::process::ExitCode;
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand};
 
-use commands::{compare, demo, eval, export, query, render, scene, train};
+use commands::{compare, demo, eval, export, profile, query, render, scene, train};
 
 /// Turns one-light-at-a-time photographs into a scene that can be seen and lit from anywhere.
 ///
@@ -54,6 +54,7 @@ enum Command {
     Query(query::Args),
     Export(export::Args),
     Compare(compare::Args),
+    Profile(profile::Args),
 }
 
 fn main() -> ExitCode {
@@ -87,5 +88,6 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Query(args) => query::run(&args),
         Command::Export(args) => export::run(&args),
         Command::Compare(args) => compare::run(&args),
+        Command::Profile(args) => profile::run(&args, quiet),
     }
 }

@@ -30,6 +30,9 @@ impl Default for BiasCorrection {
     }
 }
 
+/// Additions, multiplications, roots and divisions of an update.
+pub const UPDATE_OPERATIONS: usize = 15;
+
 /// One update of one weight.
 #[inline(always)]
 pub fn update(weight: &mut f32, m: &mut f32, v: &mut f32, g: f32, rate: f32, (c1, c2): (f32, f32)) {

@@ -1,18 +1,20 @@
 //! The engine: what a step and a picture are made of.
 
+use std::time::Instant;
+
 use fearless_simd::Level;
 use rayon::prelude::*;
 use relight_field::architecture::LightInput;
 use relight_field::encoding::fourier;
 use relight_field::engine::{
     Engine, EngineError, EngineState, FieldValues, LightPose, Outputs, Points, RayBatch, Rays,
-    RenderSettings, Samples, StepSettings, StepStats,
+    RenderSettings, Samples, StageCost, StepSettings, StepStats,
 };
 use relight_field::parameters::{FieldConfig, Parameters};
 use relight_field::random::Random;
 use relight_field::sampling::{EngineConfig, Sampling, Shading};
 
-use crate::adam::{BiasCorrection, Moments};
+use crate::adam::{BiasCorrection, Moments, UPDATE_OPERATIONS};
 use crate::density_grid::DensityGrid;
 use crate::experience::{Experience, Seen};
 use crate::hash_grid::HashGrid;
@@ -23,6 +25,7 @@ use crate::probes::Probes;
 use crate::roulette;
 use crate::samples::{Jitter, Marcher, SampleBatch};
 use crate::shade::CodedLight;
+use crate::stages::{Costs, Stage};
 use crate::state;
 use crate::tile::{Regularisers, Workspace};
 
@@ -61,12 +64,14 @@ pub struct CpuEngine {
     densities: Vec<f32>,
     lanes: Vec<Lane>,
     workspaces: Pool<Workspace>,
+    costs: Costs,
 }
 
 /// One partial sum of a step.
 struct Lane {
     gradients: Gradients,
     sums: Sums,
+    costs: Costs,
 }
 
 /// Sums over the rays of a lane.
@@ -101,8 +106,9 @@ impl CpuEngine {
         let field = parameters.config.clone();
         let networks = Networks::new(parameters);
         let gradients = networks.gradients();
-        let lanes =
-            (0..LANES).map(|_| Lane { gradients: gradients.clone(), sums: Sums::default() }).collect();
+        let lanes = (0..LANES)
+            .map(|_| Lane { gradients: gradients.clone(), sums: Sums::default(), costs: Costs::default() })
+            .collect();
         Ok(Self {
             config,
             simd: Level::new(),
@@ -119,6 +125,7 @@ impl CpuEngine {
             densities: Vec::new(),
             lanes,
             workspaces: Pool::default(),
+            costs: Costs::default(),
             field,
         })
     }
@@ -157,11 +164,23 @@ impl CpuEngine {
             return None;
         }
         let lights = batch.probe_lights.iter().map(|l| self.code_light(l)).collect();
+        let started = Instant::now();
         let mut shadows = std::mem::take(&mut self.shadow_batch);
         let jitter = Jitter(Some(Random::new(self.config.seed, SHADOW_STREAM + settings.step)));
         let (samples, shadow) = (&self.batch, self.experience.shadow.mean());
         let probes = Probes::trace(&self.marcher(), batch, samples, lights, shadow, &mut shadows, jitter);
+        let (marched, encoded) = (shadows.marched, shadows.encoded);
+        // Whatever else tracing takes: most of it is `geo` at the samples.
+        let others = StageCost {
+            seconds: started.elapsed().as_secs_f64() - marched.seconds - encoded.seconds,
+            operations: (self.networks.geo.forward_operations() * (shadows.t.len() + self.batch.t.len()))
+                as f64,
+            ..StageCost::default()
+        };
         self.shadow_batch = shadows;
+        self.costs.of(Stage::ShadowMarch).add(&marched);
+        self.costs.of(Stage::ShadowEncode).add(&encoded);
+        self.costs.of(Stage::ShadowGeometry).add(&others);
         Some(probes)
     }
 
@@ -173,6 +192,7 @@ impl CpuEngine {
 
     /// Forward and backward over all tiles; leaves gradients in the lanes and in `feature_gradients`.
     fn tiles(&mut self, batch: &RayBatch, settings: &StepSettings, probes: Option<&Probes>) {
+        let started = Instant::now();
         let (rays, lights) = (&batch.rays, batch.lights_per_ray);
         let coded: Vec<CodedLight> = batch.lights.iter().map(|l| self.code_light(l)).collect();
         // Probes are further pairs, the last of their ray.
@@ -191,7 +211,7 @@ impl CpuEngine {
         let marcher = self.marcher();
         let (simd, shading, samples) = (self.simd, self.config.shading, &self.batch);
         let scale = 2.0 / (3 * n * lights) as f32;
-        // Photographed probes count no more than imagined ones: lights that were there must not be favoured.
+        // Photographed probes are scaled by the trust too: what stands exactly at its light must not be favoured.
         let probe_weight = settings.probe_weight * self.experience.trust();
         let probe_scale = scale * probe_weight * lights as f32 / probes_a_ray.max(1) as f32;
         let roulette = Random::new(self.config.seed, ROULETTE_STREAM + settings.step);
@@ -199,6 +219,7 @@ impl CpuEngine {
         for lane in &mut lanes {
             lane.gradients.clear();
             lane.sums = Sums::default();
+            lane.costs = Costs::default();
         }
         let gradients = feature_gradients.par_chunks_mut(per_lane * tile_size);
         let work = gradients.zip(densities.par_chunks_mut(per_lane * columns)).zip(&mut lanes);
@@ -241,6 +262,7 @@ impl CpuEngine {
                             (&mut lane.sums.shadow, &mut lane.sums.imagined),
                         );
                     }
+                    workspace.clock.lap(Stage::Loss, 0);
                     let regularisers = Regularisers {
                         depths: if batch.depths.is_empty() { &[] } else { &batch.depths[range] },
                         depth_weight: settings.depth_weight / n as f32,
@@ -270,9 +292,14 @@ impl CpuEngine {
                         let draw = |c| roulette.uniform_at((tile * columns + c) as u64);
                         roulette::thin(gradient, (columns, used), settings.roulette, draw, &mut lengths);
                     }
+                    workspace.clock.lap(Stage::Roulette, 3 * gradient.len());
+                    lane.costs.add(workspace.clock.costs());
                 }
             });
         });
+        let mut costs = Costs::default();
+        lanes.iter().for_each(|lane| costs.add(&lane.costs));
+        self.costs.add_share(costs, started.elapsed().as_secs_f64());
         self.lanes = lanes;
         self.feature_gradients = feature_gradients;
         self.densities = densities;
@@ -321,10 +348,13 @@ impl Engine for CpuEngine {
         let pairs = lights + self.probes_a_ray(batch, settings);
         let tile_rays = self.tile_rays(total, pairs);
         samples.fill(&self.marcher(), &batch.rays, self.config.sampling, tile_rays, jitter);
+        self.costs.of(Stage::March).add(&samples.marched);
+        self.costs.of(Stage::Encode).add(&samples.encoded);
         self.batch = samples;
         let probes = self.probes(batch, settings);
         self.tiles(batch, settings, probes.as_ref());
 
+        let summing = Instant::now();
         let mut sums = Sums::default();
         let (first, rest) = self.lanes.split_at_mut(1);
         let rest: Vec<&Gradients> = rest.iter().map(|lane| &lane.gradients).collect();
@@ -361,17 +391,34 @@ impl Engine for CpuEngine {
                 return Err(non_finite(&format!("the gradient of the network {name}")));
             }
         }
+        let mut optimising = summing.elapsed();
         if matches!(self.config.sampling, Sampling::Guided { .. }) {
+            let observing = Instant::now();
             self.observe(&batch.rays, settings.step);
+            self.costs.of(Stage::Occupancy).add(&StageCost {
+                seconds: observing.elapsed().as_secs_f64(),
+                updates: stats.samples as f64,
+                ..StageCost::default()
+            });
         }
         if probes.is_some() {
             self.experience.shadow.observe(sums.shadow);
             self.experience.imagined.observe(sums.imagined);
             self.experience.observe_field(stats.loss);
         }
-        let rate = settings.learning_rate;
+        let (rate, stepping) = (settings.learning_rate, Instant::now());
         self.networks.step(&self.lanes[0].gradients, &mut self.moments, rate, &self.correction);
-        self.grid.step(self.simd, self.batch.positions(), &self.feature_gradients, rate, &self.correction);
+        optimising += stepping.elapsed();
+        let weights: usize = self.moments.iter().map(|moments| moments.m.len()).sum();
+        self.costs.of(Stage::OptimiseNetworks).add(&StageCost {
+            seconds: optimising.as_secs_f64(),
+            operations: ((LANES - 1 + UPDATE_OPERATIONS) * weights) as f64,
+            bytes: (size_of::<f32>() * (LANES + 7) * weights) as f64,
+            ..StageCost::default()
+        });
+        let positions = self.batch.positions();
+        let costs = self.grid.step(self.simd, positions, &self.feature_gradients, rate, &self.correction);
+        self.costs.add(&costs);
         Ok(stats)
     }
 
@@ -387,6 +434,10 @@ impl Engine for CpuEngine {
                 self.density.observe(cell, density);
             }
         }
+    }
+
+    fn stages(&self) -> Vec<(&'static str, StageCost)> {
+        self.costs.named()
     }
 
     fn guide(&self) -> Vec<u8> {

@@ -3,12 +3,24 @@
 //! The outer loop runs over levels and the whole batch inside it, so that one level's table at a time lives in
 //! cache. Going back, a level belongs to one thread: no atomics, and the same sums whatever the number of threads.
 
+use std::time::Instant;
+
 use fearless_simd::{Level, Simd, dispatch};
 use rayon::prelude::*;
+use relight_field::engine::StageCost;
 use relight_field::parameters::{GridConfig, Level as GridLevel};
 
-use crate::adam::{self, BiasCorrection};
+use crate::adam::{self, BiasCorrection, UPDATE_OPERATIONS};
 use crate::pool::Pool;
+use crate::stages::{Clock, Costs, Stage};
+
+/// Corners of a cell.
+const CORNERS: usize = 8;
+/// Operations of a corner: its weight, and what it adds to two features or gets from them; the fractions that all corners
+/// share in part.
+const OPERATIONS: f64 = 6.75;
+/// Bytes of an entry, its moments and its gradient, read and written.
+const ENTRY_BYTES: usize = 2 * (2 * size_of::<Entry>() + size_of::<EntryMoments>());
 
 /// Samples whose corners are worked out together.
 const GROUP: usize = 16;
@@ -108,8 +120,15 @@ impl HashGrid {
         }
     }
 
+    /// What encoding so many samples takes, but for the time.
+    pub fn encode_cost(&self, samples: usize) -> StageCost {
+        let lookups = (samples * self.levels.len() * CORNERS) as f64;
+        StageCost { operations: OPERATIONS * lookups, lookups, ..StageCost::default() }
+    }
+
     /// Takes one optimiser step along `gradients`, laid out like the features of [`HashGrid::encode`]. Entries that
-    /// no sample touched keep their weights and moments, and cost nothing but a bit.
+    /// no sample touched keep their weights and moments, and cost nothing but a bit. Returns what scattering and
+    /// optimising cost.
     pub fn step(
         &mut self,
         simd: Level,
@@ -117,7 +136,8 @@ impl HashGrid {
         gradients: &[f32],
         rate: f32,
         correction: &BiasCorrection,
-    ) {
+    ) -> Costs {
+        let started = Instant::now();
         let (outputs, largest) = (self.outputs(), self.largest);
         self.moments.resize(self.table.len(), EntryMoments::default());
         let mut tasks = Vec::with_capacity(self.levels.len());
@@ -131,16 +151,30 @@ impl HashGrid {
         // The finest levels take longest, so they start first.
         tasks.reverse();
         let pool = &self.scratch;
-        tasks.into_par_iter().with_max_len(1).for_each(|(l, level, table, moments)| {
-            let make = || Scratch {
-                gradient: vec![[0.0; 2]; largest],
-                touched: vec![0; largest.div_ceil(64)],
-            };
+        let one = |(l, level, table, moments): (usize, &GridLevel, &mut [Entry], &mut [EntryMoments])| {
+            let make =
+                || Scratch { gradient: vec![[0.0; 2]; largest], touched: vec![0; largest.div_ceil(64)] };
             pool.with(make, |scratch| {
-                dispatch!(simd, simd => scatter_level(simd, (l, level), positions, gradients, outputs, scratch));
-                update_touched(scratch, table, moments, rate, correction);
-            });
+                let mut clock = Clock::default();
+                let samples = dispatch!(simd, simd => scatter_level(simd, (l, level), positions, gradients, outputs, scratch));
+                clock.lap(Stage::Scatter, 0);
+                let touched = update_touched(scratch, table, moments, rate, correction);
+                clock.lap(Stage::OptimiseGrid, 2 * UPDATE_OPERATIONS * touched);
+                let mut costs = *clock.costs();
+                let updates = (CORNERS * samples) as f64;
+                costs.of(Stage::Scatter).updates = updates;
+                costs.of(Stage::Scatter).operations = OPERATIONS * updates;
+                costs.of(Stage::OptimiseGrid).bytes = (touched * ENTRY_BYTES) as f64;
+                costs
+            })
+        };
+        let all = tasks.into_par_iter().with_max_len(1).map(one).reduce(Costs::default, |mut a, b| {
+            a.add(&b);
+            a
         });
+        let mut costs = Costs::default();
+        costs.add_share(all, started.elapsed().as_secs_f64());
+        costs
     }
 }
 
@@ -225,7 +259,7 @@ fn encode_level<S: Simd>(
     );
 }
 
-/// Adds the gradients of level `l` to the scratch.
+/// Adds the gradients of level `l` to the scratch, and returns how many samples had any.
 #[inline(always)]
 fn scatter_level<S: Simd>(
     simd: S,
@@ -234,12 +268,12 @@ fn scatter_level<S: Simd>(
     gradients: &[f32],
     outputs: usize,
     scratch: &mut Scratch,
-) {
+) -> usize {
     let columns = positions.columns;
     simd.vectorize(
         #[inline(always)]
         || {
-            let gradient = &mut scratch.gradient[..level.entries];
+            let (gradient, mut samples) = (&mut scratch.gradient[..level.entries], 0);
             let tiles =
                 positions.data.chunks_exact(3 * columns).zip(gradients.chunks_exact(outputs * columns));
             for (positions, gradients) in tiles {
@@ -251,6 +285,7 @@ fn scatter_level<S: Simd>(
                         if g0 == 0.0 && g1 == 0.0 {
                             continue;
                         }
+                        samples += 1;
                         for corner in 0..8 {
                             let index = corners.index[corner][i] as usize;
                             let weight = corners.weight[corner][i];
@@ -262,20 +297,23 @@ fn scatter_level<S: Simd>(
                     }
                 }
             }
+            samples
         },
-    );
+    )
 }
 
-/// Updates the touched entries in the order of their addresses, and clears the scratch.
+/// Updates the touched entries in the order of their addresses, clears the scratch, and returns how many they were.
 fn update_touched(
     scratch: &mut Scratch,
     table: &mut [Entry],
     moments: &mut [EntryMoments],
     rate: f32,
     correction: &BiasCorrection,
-) {
+) -> usize {
+    let mut entries = 0;
     for (word, touched) in scratch.touched.iter_mut().enumerate() {
         let mut bits = std::mem::take(touched);
+        entries += bits.count_ones() as usize;
         while bits != 0 {
             let index = word * 64 + bits.trailing_zeros() as usize;
             bits &= bits - 1;
@@ -288,6 +326,7 @@ fn update_touched(
             }
         }
     }
+    entries
 }
 
 #[cfg(test)]

@@ -14,6 +14,7 @@ mod engine;
 pub mod experience;
 pub mod harmonics;
 pub mod hash_grid;
+pub mod limits;
 pub mod march;
 pub mod mlp;
 pub mod networks;
@@ -22,6 +23,7 @@ pub mod probes;
 pub mod roulette;
 pub mod samples;
 pub mod shade;
+pub mod stages;
 mod state;
 pub mod tile;
 

@@ -63,6 +63,17 @@ impl Mlp {
         self.layers.first().map_or(0, |l| l.inputs)
     }
 
+    /// Operations of one column, forward.
+    pub fn forward_operations(&self) -> usize {
+        2 * self.weights()
+    }
+
+    /// Operations of one column, backward, with gradients of `wanted` inputs of the first layer.
+    pub fn backward_operations(&self, wanted: usize) -> usize {
+        let first = self.layers.first().map_or(0, |l| 2 * l.outputs * (l.inputs - wanted));
+        4 * self.weights() - first
+    }
+
     /// Number of weights.
     pub fn weights(&self) -> usize {
         self.layers.iter().map(|l| l.weight.len()).sum()

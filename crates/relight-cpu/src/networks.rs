@@ -121,6 +121,16 @@ impl Networks {
         }
     }
 
+    /// Operations of a pair in `rgb` and `vis`, forward and backward.
+    pub fn shading_operations(&self) -> (usize, usize) {
+        let rows = self.rgb.inputs() - self.position_row();
+        let vis = self.vis.as_ref();
+        let forward = self.rgb.forward_operations() + vis.map_or(0, Mlp::forward_operations);
+        let backward =
+            self.rgb.backward_operations(rows) + vis.map_or(0, |vis| vis.backward_operations(self.features));
+        (forward, backward)
+    }
+
     /// Numbers that the shading networks take of a point: `h(x)`, then `e`.
     pub fn point_features(&self) -> usize {
         self.features + EMBEDDING

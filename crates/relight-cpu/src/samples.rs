@@ -1,8 +1,10 @@
 //! The samples of a batch, tile by tile: where they lie, and their encoded features.
 
+use std::time::Instant;
+
 use fearless_simd::Level;
 use rayon::prelude::*;
-use relight_field::engine::Rays;
+use relight_field::engine::{Rays, StageCost};
 use relight_field::random::Random;
 use relight_field::sampling::Sampling;
 
@@ -59,6 +61,10 @@ pub struct SampleBatch {
     pub positions: Vec<f32>,
     /// `[tile][features][columns]`.
     pub features: Vec<f32>,
+    /// What placing and encoding the samples cost.
+    pub marched: StageCost,
+    /// See `marched`.
+    pub encoded: StageCost,
     guides: Pool<GuideScratch>,
 }
 
@@ -72,6 +78,8 @@ impl SampleBatch {
         tile_rays: usize,
         jitter: Jitter,
     ) {
+        (self.marched, self.encoded) = (StageCost::default(), StageCost::default());
+        let started = Instant::now();
         match sampling {
             Sampling::Guided { samples } => {
                 self.shape(marcher, rays, tile_rays, samples);
@@ -121,6 +129,7 @@ impl SampleBatch {
                 }
             }
         }
+        self.marched.seconds = started.elapsed().as_secs_f64() - self.encoded.seconds;
         self.encode(marcher, rays);
     }
 
@@ -182,6 +191,7 @@ impl SampleBatch {
     }
 
     fn encode(&mut self, marcher: &Marcher<'_>, rays: &Rays) {
+        let started = Instant::now();
         let (k, columns, tile_rays) = (self.samples, self.columns, self.tile_rays);
         self.positions.par_chunks_mut(3 * columns).zip(self.t.par_chunks(columns)).enumerate().for_each(
             |(tile, (positions, t))| {
@@ -201,6 +211,10 @@ impl SampleBatch {
         );
         let positions = TiledPositions { data: &self.positions, columns };
         marcher.grid.encode(marcher.simd, positions, &mut self.features);
+        self.encoded.add(&StageCost {
+            seconds: started.elapsed().as_secs_f64(),
+            ..marcher.grid.encode_cost(rays.origins.len() * k)
+        });
     }
 
     /// The positions, as the grid takes them.

@@ -12,6 +12,7 @@ use crate::march::along;
 use crate::mlp::Tape;
 use crate::networks::{Gradients, Networks};
 use crate::shade::{CodedLight, Point, Shader};
+use crate::stages::{Clock, Stage};
 
 /// Samples that weigh less are not shaded (torch-ngp's threshold).
 const WEIGHT_THRESHOLD: f32 = 1e-4;
@@ -57,6 +58,8 @@ pub struct Regularisers<'a> {
 /// Memory of one thread, reused from tile to tile; after [`Workspace::forward`] it holds the results.
 #[derive(Default)]
 pub struct Workspace {
+    /// Where the time goes; [`Workspace::forward`] starts it.
+    pub clock: Clock,
     geo: Tape,
     /// `[columns]`: density times interval length.
     pub optical: Vec<f32>,
@@ -94,6 +97,7 @@ impl Workspace {
     /// Weights of the samples of all rays, into `weights`, from densities of the tile's features.
     pub fn composite(&mut self, simd: Level, networks: &Networks, rays: &TileRays<'_>) {
         self.densities(simd, networks, rays.features, rays.columns);
+        self.clock.lap(Stage::Geometry, networks.geo.forward_operations() * rays.columns);
         self.optical.clear();
         self.optical.extend(self.density.iter().zip(rays.lengths).map(|(d, l)| d * l));
         self.weights.clear();
@@ -117,11 +121,13 @@ impl Workspace {
         lights: usize,
         light: impl Fn(usize, usize) -> &'a CodedLight,
     ) {
+        self.clock.start();
         self.composite(simd, networks, rays);
         match shading {
             Shading::Deferred => self.average_points(networks, rays),
             Shading::PerSample => self.select_points(networks, rays),
         }
+        self.clock.lap(Stage::Composite, 2 * networks.point_features() * rays.columns);
         self.shader.forward(simd, networks, rays.directions, lights, light);
         self.colours.clear();
         self.colours.resize(rays.origins.len() * lights, [0.0; 3]);
@@ -135,6 +141,7 @@ impl Workspace {
                 }
             }
         }
+        self.clock.lap(Stage::Shade, networks.shading_operations().0 * columns);
     }
 
     /// One point a ray, with features averaged under the ray's weights.
@@ -201,6 +208,7 @@ impl Workspace {
         let (n, k, columns) = (rays.origins.len(), rays.samples, rays.columns);
         let shader = &mut self.shader;
         shader.backward(simd, networks, lights, |r, l| colour_gradient[r * lights + l], gradients);
+        self.clock.lap(Stage::ShadeBackward, networks.shading_operations().1 * shader.columns());
         self.weight_gradient.clear();
         self.weight_gradient.resize(columns, 0.0);
         feature_gradient.fill(0.0);
@@ -264,10 +272,13 @@ impl Workspace {
         for (c, d) in d_logit.iter_mut().enumerate().take(n * k) {
             *d = self.weight_gradient[c] * self.density[c].min(limit) * rays.lengths[c];
         }
+        self.clock.lap(Stage::CompositeBackward, 3 * networks.point_features() * columns);
         networks.geo.backward(simd, &mut self.geo, &mut gradients.geo, 0..networks.features);
         for (f, row) in feature_gradient.chunks_exact_mut(columns).enumerate() {
             row.iter_mut().zip(self.geo.input_gradient(0, f)).for_each(|(a, b)| *a += b);
         }
+        let operations = networks.geo.backward_operations(networks.features);
+        self.clock.lap(Stage::GeometryBackward, operations * columns);
         (penalty, spread)
     }
 }

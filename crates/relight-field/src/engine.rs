@@ -96,6 +96,32 @@ pub struct StepStats {
     pub depth_spread: f64,
 }
 
+/// What one stage of training steps cost. Engines count what they can; what they cannot is zero.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StageCost {
+    /// Time, seconds.
+    pub seconds: f64,
+    /// Additions and multiplications of single-precision numbers.
+    pub operations: f64,
+    /// Bytes read and written one after another.
+    pub bytes: f64,
+    /// Entries of a table read in no order.
+    pub lookups: f64,
+    /// Entries of a table added to in no order.
+    pub updates: f64,
+}
+
+impl StageCost {
+    /// Adds another cost.
+    pub fn add(&mut self, other: &Self) {
+        self.seconds += other.seconds;
+        self.operations += other.operations;
+        self.bytes += other.bytes;
+        self.lookups += other.lookups;
+        self.updates += other.updates;
+    }
+}
+
 /// Which results a rendering must hold; the colour is always there.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Outputs {
@@ -177,6 +203,12 @@ pub trait Engine: Send {
     /// for placing samples; engines that need none ignore it.
     fn expect_surfaces(&mut self, points: &[[f32; 3]]) {
         let _ = points;
+    }
+
+    /// What each stage of the training steps so far cost, by name and in the order of a step; empty for engines that do
+    /// not know.
+    fn stages(&self) -> Vec<(&'static str, StageCost)> {
+        Vec::new()
     }
 
     /// What the engine has learnt of where to place samples, to be kept beside the weights: without it pictures are

@@ -4,6 +4,7 @@ pub mod compare;
 pub mod demo;
 pub mod eval;
 pub mod export;
+pub mod profile;
 pub mod query;
 pub mod render;
 pub mod scene;
