@@ -164,8 +164,44 @@ pub fn is_clear(
 /// Memory for [`guided`], reused from ray to ray.
 #[derive(Default)]
 pub struct GuideScratch {
-    weight: Vec<f32>,
+    /// Steps at which something may be, ascending, with the chance of a sample there.
+    occupied: Vec<(usize, f32)>,
+    /// Stretches of the ray, of one such step or of all between two: where each ends, counted in steps.
+    ends: Vec<usize>,
+    /// The chance of a sample in each.
     mass: Vec<f32>,
+}
+
+impl GuideScratch {
+    /// Raises the chance of a step: one of the last three, or a new one behind them.
+    fn raise(&mut self, step: usize, chance: f32) {
+        match self.occupied.iter_mut().rev().take(3).find(|(s, _)| *s == step) {
+            Some((_, known)) => *known = known.max(chance),
+            None => self.occupied.push((step, chance)),
+        }
+    }
+
+    /// Divides `steps` steps of a ray into stretches: those of `occupied` with `scale` times their chance, and in every
+    /// step `uniform` beside.
+    fn divide(&mut self, steps: usize, scale: f32, uniform: f32) {
+        let Self { occupied, ends, mass } = self;
+        ends.clear();
+        mass.clear();
+        let mut start = 0;
+        for &(step, chance) in &*occupied {
+            if step > start {
+                ends.push(step);
+                mass.push((step - start) as f32 * uniform);
+            }
+            ends.push(step + 1);
+            mass.push(chance * scale + uniform);
+            start = step + 1;
+        }
+        if start < steps {
+            ends.push(steps);
+            mass.push((steps - start) as f32 * uniform);
+        }
+    }
 }
 
 /// Places samples where the density grid says that something is: `t.len() - 1` of them inside, the last where the
@@ -185,9 +221,7 @@ pub fn guided(
     let step = grid.cell_size().max((far - near) / MOST_BINS as f32);
     let stretch = step / grid.cell_size();
     let bins = (((far - near) / step).ceil() as usize).clamp(1, MOST_BINS);
-    let weight = &mut scratch.weight;
-    weight.clear();
-    weight.resize(bins + 2, 0.0);
+    scratch.occupied.clear();
     let (o, mut limited, mut depth) = (cube.map(origin), 1f32, 0f32);
     let d: [f32; 3] = std::array::from_fn(|a| direction[a] * cube.inverse_extent[a]);
     for (b, optical) in optical_depths(grid, (o, d), (near, step, bins)) {
@@ -197,27 +231,24 @@ pub fn guided(
         }
         depth += optical;
         let alpha = (1.0 - (-optical).exp()).min(OPACITY_LIMIT);
-        weight[b + 1] = limited * alpha;
+        // A surface may lie just outside the cell that knows of it.
+        for near_by in b.saturating_sub(1)..(b + 2).min(bins) {
+            scratch.raise(near_by, limited * alpha);
+        }
         limited *= 1.0 - alpha;
         if limited < TRANSMITTANCE_END {
             break;
         }
     }
-    // A surface may lie just outside the cell that knows of it.
-    let mass = &mut scratch.mass;
-    mass.clear();
-    mass.extend(weight.windows(3).map(|w| w[0].max(w[1]).max(w[2])));
-    let total: f32 = mass.iter().sum();
+    let total: f32 = scratch.occupied.iter().map(|(_, chance)| chance).sum();
     let least = if jitter.is_some() { UNIFORM_SHARE } else { UNIFORM_SHARE_DRAWING };
     let uniform = if total > 0.0 { least + (1.0 - least) * (-depth).exp() } else { 1.0 };
     let scale = if total > 0.0 { (1.0 - uniform) / total } else { 0.0 };
-    for m in mass.iter_mut() {
-        *m = *m * scale + uniform / bins as f32;
-    }
-    let end = |b: usize| (near + (b as f32 + 1.0) * step).min(far);
+    scratch.divide(bins, scale, uniform / bins as f32);
+    let end = |stretch: usize| (near + scratch.ends[stretch] as f32 * step).min(far);
     match jitter {
-        Some(jitter) => draw(mass, near, end, jitter, t),
-        None => draw(mass, near, end, |_| 0.5, t),
+        Some(jitter) => draw(&scratch.mass, near, end, jitter, t),
+        None => draw(&scratch.mass, near, end, |_| 0.5, t),
     }
 }
 
