@@ -138,6 +138,22 @@ fn exported_weights_are_those_of_the_run() {
 }
 
 #[test]
+fn a_profile_tells_where_the_time_of_a_step_goes() {
+    let shop = Workshop::new();
+    let table = shop.json("profile scene --recipe recipe.toml --steps 20 --json");
+    let stages = table["stages"].as_array().unwrap();
+    let named = |name: &str| stages.iter().find(|stage| stage["stage"] == name).unwrap();
+    let encode = named("encode");
+    // 32 rays of 8 samples, 4 levels of 8 corners; more rays where views have fewer lights.
+    assert_eq!(encode["lookups"].as_f64().unwrap(), f64::from(32 * 8 * 4 * 8));
+    assert_eq!(encode["limit"][0], "lookups");
+    let shares: f64 = stages.iter().map(|stage| stage["share_of_step"].as_f64().unwrap()).sum();
+    assert!(shares > 0.5 && shares < 1.001, "{shares}");
+    let said = shop.succeed("profile scene --model v0 --recipe recipe.toml --steps 4");
+    assert!(said.contains("GFLOP/s") && said.contains("scatter") && !said.contains("shadow"), "{said}");
+}
+
+#[test]
 fn scenes_are_described_checked_and_shown() {
     let shop = Workshop::new();
     let info = shop.json("scene info scene --json");

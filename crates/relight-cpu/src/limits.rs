@@ -15,9 +15,9 @@ pub struct Limits {
     pub operations: f64,
     /// Bytes read and written one after another, in arrays larger than any cache.
     pub bytes: f64,
-    /// Entries of 8 bytes read in no order from a table of the given size.
+    /// Entries of 8 bytes read in no order from one table.
     pub lookups: f64,
-    /// Entries of 8 bytes added to in no order, in a table of the given size for each thread.
+    /// Entries of 8 bytes added to in no order, in a table for each thread.
     pub updates: f64,
 }
 
@@ -29,9 +29,10 @@ const STREAM_BYTES: usize = 64 << 20;
 const CHUNK: usize = 1 << 16;
 
 impl Limits {
-    /// Measures this machine for tables of `entries` entries, a power of two.
-    pub fn measure(entries: usize) -> Self {
+    /// Measures this machine for a table of `read` entries and tables of `written` entries, both a power of two.
+    pub fn measure(read: usize, written: usize) -> Self {
         let level = Level::new();
+        let table = vec![[1f32; 2]; read];
         Self {
             operations: on_all_threads(|| 0.1, |x| multiply_adds(level, x, CHUNK)),
             bytes: on_all_threads(
@@ -42,14 +43,14 @@ impl Limits {
                 },
             ),
             lookups: on_all_threads(
-                || (vec![[1f32; 2]; entries], 1),
-                |(table, state)| {
-                    black_box(gather(table, state, CHUNK));
+                || 1,
+                |state| {
+                    black_box(gather(&table, state, CHUNK));
                     CHUNK
                 },
             ),
             updates: on_all_threads(
-                || (vec![[1f32; 2]; entries], 1),
+                || (vec![[1f32; 2]; written], 1),
                 |(table, state)| {
                     scatter(black_box(table), state, CHUNK);
                     CHUNK
@@ -141,7 +142,7 @@ mod tests {
 
     #[test]
     fn every_rate_is_measured() {
-        let limits = Limits::measure(1 << 10);
+        let limits = Limits::measure(1 << 12, 1 << 10);
         for rate in [limits.operations, limits.bytes, limits.lookups, limits.updates] {
             assert!(rate.is_finite() && rate > 0.0, "{limits:?}");
         }

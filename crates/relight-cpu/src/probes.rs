@@ -4,7 +4,8 @@
 //! where a surface is, is soon known, and so is where the shadow of one thing falls on another: a shadow ray from the
 //! surface to the light tells. What the surface should look like under a probe is imagined from its photographs under
 //! lights nearby that reached it, darkened where the shadow ray is stopped by as much as shadows are in photographs.
-//! Probes under lights that were photographed tell how much that is.
+//! Probes under lights that were photographed tell how much that is, and how far what is imagined can be trusted: see
+//! [`crate::experience`].
 //!
 //! Ours: the paper has nothing like it.
 
@@ -292,6 +293,8 @@ mod tests {
     #[test]
     fn nothing_is_imagined_without_knowing_shadows_or_lights_nearby() {
         assert_eq!(guess(0.0, None), None);
+        // In full light it does not matter.
+        assert!(close(guess(1.0, None).unwrap().colour, [0.7, 0.5, 0.3]));
         assert_eq!(lit_colour(POINT, [0.1, 0.2, 0.5], std::iter::empty()), None);
         let far = lit_colour(POINT, [0.1, 0.2, 0.5], pairs().skip(3));
         assert!(far.is_none_or(|w| w.certainty < 0.01));
@@ -304,6 +307,26 @@ mod tests {
         assert_eq!((dark, seen), (Seen::default(), Seen::default()));
         assert_eq!(compared(0.0, None, UNKNOWN).0, [0.0; 3]);
         assert!(close(compared(0.0, Some(0.3), [0.35, 0.25, 0.15]).0, [-0.7, -0.5, -0.3]));
+    }
+
+    #[test]
+    fn what_is_imagined_from_afar_counts_less() {
+        let (mut gradients, mut dark, mut imagined) = (Vec::new(), Seen::default(), Seen::default());
+        let far = std::iter::once(([0.3, 0.2, 0.5], [0.8, 0.6, 0.4]));
+        let certainty = lit_colour(POINT, [0.1, 0.2, 0.5], far.clone()).unwrap().certainty;
+        assert!((0.01..0.5).contains(&certainty), "{certainty}");
+        let probes = Probes {
+            lights: vec![CodedLight { position: [0.1, 0.2, 0.5], code: Vec::new() }; 2],
+            transmittance: vec![1.0; 2],
+            shadow: Some(0.3),
+        };
+        let photographed = [UNKNOWN, [0.5, 0.6, 0.4]];
+        let seen = (&mut dark, &mut imagined);
+        probes.compare((0, POINT), &[[0.0; 3]; 2], &photographed, far, 2.0, &mut gradients, seen);
+        assert!(close(gradients[0], [-1.6, -1.2, -0.8].map(|g| g * certainty)), "{gradients:?}");
+        assert!(close(gradients[1], [-1.0, -1.2, -0.8]), "a photograph is sure: {gradients:?}");
+        assert!((imagined.count - f64::from(certainty)).abs() < 1e-6, "{imagined:?}");
+        assert!((imagined.sum - 0.03 * f64::from(certainty)).abs() < 1e-6, "{imagined:?}");
     }
 
     #[test]

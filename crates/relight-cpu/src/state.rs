@@ -1,4 +1,5 @@
-//! What a checkpoint holds beside the weights: the optimiser's moments and the density grid.
+//! What a checkpoint holds beside the weights: the optimiser's moments, the density grid and what is known
+//! of probes.
 
 use relight_field::engine::{EngineError, EngineState, StateTensor};
 

@@ -73,7 +73,8 @@ pub struct StepSettings {
     pub depth_margin: f32,
     /// Weight of the distortion loss (Barron et al. 2022, equation 15), which gathers a ray's weight in one place.
     pub distortion_weight: f32,
-    /// Weight of a ray's probes together beside its pairs together; 0 leaves probes out.
+    /// Weight of a ray's probes together beside its pairs together, at most: engines lower it where what is imagined of
+    /// probes proves unsure. 0 leaves probes out.
     pub probe_weight: f32,
     /// Samples whose gradients are shorter than this many times the mean of their neighbours are left out at random when
     /// gradients go back to the grid, and those that stay count more in proportion; 0 leaves none out. Engines may go

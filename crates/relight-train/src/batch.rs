@@ -54,8 +54,8 @@ pub struct LightChoice {
     /// In every step each light is moved by a random distance of up to this much along each axis, as a share of the
     /// distance between neighbouring lights.
     pub shift: f64,
-    /// Probes of each ray, most of which stand where nobody photographed. There are none where a ray is compared under
-    /// fewer than four lights.
+    /// Probes of each ray, most of which stand where nobody photographed. There are none where a ray is to be compared
+    /// under fewer than four lights, or where no view has more than four.
     pub probes: usize,
     /// How far those are moved from lights that were photographed, as lights are; 0: no probes.
     pub probe_reach: f64,
@@ -106,8 +106,8 @@ pub struct BatchSampler<'a> {
 }
 
 impl<'a> BatchSampler<'a> {
-    /// A sampler of `rays` rays a step. Where no view has as many lights as each is to have, rays have fewer lights and
-    /// there are more of them, so that a step compares as many pixels. `depths` are those of the views of `store`.
+    /// A sampler of `rays` rays a step. Where no view has as many lights as each is to have, and one more if there are
+    /// probes, rays have fewer lights and there are more of them, so that a step compares as many pixels. `depths` are those of the views of `store`.
     ///
     /// # Errors
     /// [`TrainError::Data`] if there is nothing to draw from.
@@ -144,8 +144,8 @@ impl<'a> BatchSampler<'a> {
         }
         let spacing = light_spacing(scene, store);
         let probe_reach = (lights.probe_reach * spacing) as f32;
-        // From fewer photographs nobody could tell what another light would show, and one must be left to tell whether
-        // that would have been right.
+        // From fewer photographs nobody could tell what another light would show; and some view must have one left to
+        // tell whether that would have been right.
         let enough = lights.per_ray >= LEAST_FOR_PROBES && most > LEAST_FOR_PROBES;
         let probes = if enough && probe_reach > 0.0 { lights.probes } else { 0 };
         let per_ray = lights.per_ray.min(if probes > 0 { most - 1 } else { most });

@@ -15,13 +15,13 @@ use crate::schedule::Schedule;
 pub struct Recipe {
     /// Camera rays a step.
     pub rays_per_step: usize,
-    /// Lights that each ray is compared under; fewer where a training view has fewer.
+    /// Lights that each ray is compared under; fewer where no training view has as many (and one more, for probes).
     pub lights_per_ray: usize,
     /// Farthest that a light is moved at random along each axis, in every step anew, as a share of the distance
     /// between neighbouring lights.
     pub light_shift: f64,
     /// Lights that each ray is compared under beside, most of which nobody photographed: probes. There are none where
-    /// a ray is compared under fewer than four lights.
+    /// a ray is compared under fewer than four lights, or where no view has more than four.
     pub probes_per_ray: usize,
     /// Farthest that a light nobody photographed is moved at random from one that somebody did, along each axis, as a
     /// share of the distance between neighbouring lights; 0: no such lights, and so no probes.

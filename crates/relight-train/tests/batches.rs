@@ -84,12 +84,13 @@ fn a_batch_depends_on_seed_and_step_and_on_nothing_else() {
     let draw = |threads: usize, seed: u64, step: u64| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let sampler =
-            BatchSampler::new(&data.scene, &data.pixels, None, 500, lights(2, 0.0, 0.0), seed).unwrap();
+            BatchSampler::new(&data.scene, &data.pixels, None, 500, lights(4, 0.0, 0.5), seed).unwrap();
         let mut batch = RayBatch::default();
         // What the buffers held before must not matter.
         sampler.fill(99, &mut batch);
         pool.install(|| sampler.fill(step, &mut batch));
-        (batch.rays, batch.light_index)
+        let probes: Vec<_> = batch.probe_colours.iter().map(|c| c.map(f32::to_bits)).collect();
+        (batch.rays, batch.light_index, batch.probe_lights, probes)
     };
     assert_eq!(draw(1, 1, 4), draw(3, 1, 4));
     assert_ne!(draw(1, 1, 4), draw(1, 2, 4));
@@ -133,6 +134,51 @@ fn a_view_with_one_light_shows_it_again() {
             assert!(lights[0] != lights[1] && lights[1] != lights[2], "{lights:?}");
         }
     }
+}
+
+#[test]
+fn a_view_with_fewer_lights_shows_them_equally_often() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = common::tiny_scene(folder.path());
+    let poor = data.scene.frames[data.splits.train[0]].camera;
+    let (mut frames, rest): (Vec<usize>, Vec<usize>) =
+        data.splits.train.iter().partition(|&&f| data.scene.frames[f].camera == poor);
+    frames.truncate(3);
+    frames.extend(rest);
+    let pixels = PixelStore::load(&data.scene, &frames, &|_, _| ControlFlow::Continue(())).unwrap();
+    // Four lights of a view that has three.
+    let sampler = BatchSampler::new(&data.scene, &pixels, None, 20_000, lights(4, 0.0, 0.5), 1).unwrap();
+    assert_eq!(sampler.lights_per_ray(), 4);
+    let mut batch = RayBatch::default();
+    sampler.fill(0, &mut batch);
+    let origin = data.scene.cameras[poor].pose.position().map(|c| c as f32);
+    let mut counts = HashMap::<u32, f64>::new();
+    for ray in (0..batch.rays.origins.len()).filter(|&r| batch.rays.origins[r] == origin) {
+        batch.light_index[4 * ray..4 * ray + 4].iter().for_each(|&l| *counts.entry(l).or_default() += 1.0);
+        let probes = &batch.probe_colours[2 * ray..2 * ray + 2];
+        assert!(probes.iter().all(|c| c[0].is_nan()), "no photograph is left for them");
+    }
+    let expected = counts.values().sum::<f64>() / 3.0;
+    assert_eq!(counts.len(), 3);
+    assert!(counts.values().all(|n| (n - expected).abs() < 5.0 * expected.sqrt()), "{counts:?}");
+}
+
+#[test]
+fn probes_leave_one_photograph_to_compare_them_with() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = common::tiny_scene(folder.path());
+    let most = (0..data.pixels.views()).map(|v| data.pixels.lights(v).len()).max().unwrap();
+    let choose = |per_ray: usize, reach: f64| {
+        let sampler =
+            BatchSampler::new(&data.scene, &data.pixels, None, 60, lights(per_ray, 0.0, reach), 1).unwrap();
+        let mut batch = RayBatch::default();
+        sampler.fill(0, &mut batch);
+        (sampler.lights_per_ray(), batch.probes_per_ray())
+    };
+    assert!(most > 4);
+    assert_eq!(choose(most, 0.5), (most - 1, 2));
+    assert_eq!(choose(most, 0.0), (most, 0));
+    assert_eq!(choose(3, 0.5), (3, 0));
 }
 
 #[test]
@@ -201,6 +247,18 @@ fn probes_are_photographs_or_stand_where_nobody_took_any() {
             continue;
         }
         photographed += 1;
+        let origin = batch.rays.origins[ray];
+        let camera =
+            data.scene.cameras.iter().position(|c| c.pose.position().map(|c| c as f32) == origin).unwrap();
+        let at =
+            data.scene.lights.iter().position(|l| l.pose.position().map(|c| c as f32) == light.position());
+        let image = data.scene.read_frame(data.scene.frame(camera, at.unwrap()).unwrap()).unwrap();
+        let camera = &data.scene.cameras[camera];
+        let direction = batch.rays.directions[ray].map(f64::from);
+        let point = [0, 1, 2].map(|a| camera.pose.position()[a] + direction[a]);
+        let [u, v] = camera.intrinsics.project(camera.pose.inverse_transform(point)).unwrap();
+        let pixel = v.round() as usize * 24 + u.round() as usize;
+        assert_eq!(image.data[3 * pixel..3 * pixel + 3], colour.map(|c| (c * 255.0).round() as u8));
         assert_eq!(nearest(light.position()), 0.0);
         // Not one of the photographs that the ray is compared with anyway.
         let pairs = &batch.light_index[4 * ray..4 * ray + 4];

@@ -12,7 +12,7 @@ use relight_train::batch::{BatchSampler, LightChoice};
 use relight_train::schedule::Budget;
 use serde::Serialize;
 
-use super::train::Preset;
+use super::train::{Preset, recipe};
 use crate::console::{Progress, cancel_flag, print_json, print_line, unless};
 use crate::engines::{self, Device};
 use crate::preparation::{Prepared, Wish, open};
@@ -36,6 +36,9 @@ pub struct Args {
     /// How to train.
     #[arg(long, default_value = "fast")]
     preset: Preset,
+    /// Settings to use instead of the preset's: a TOML file as in config.toml's [recipe].
+    #[arg(long, value_name = "FILE.toml")]
+    recipe: Option<PathBuf>,
     /// Steps to train for.
     #[arg(long, default_value_t = 4000, value_parser = clap::value_parser!(u64).range(4..))]
     steps: u64,
@@ -77,18 +80,22 @@ struct Table {
 }
 
 pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
+    let model = args.model.to_lowercase();
+    let recipe = recipe(args.preset, args.recipe.as_deref(), &model)?;
     let (scene, splits) = open(&args.scene)?;
     let mut data = Prepared::load(scene, splits, quiet)?;
     let config = data.plan(Wish {
-        model: args.model.to_lowercase(),
+        model,
         preset: args.preset.name().to_owned(),
-        recipe: args.preset.recipe(),
+        recipe,
         seed: 0,
         budget: Budget { steps: Some(args.steps), minutes: None },
         bounds: None,
     })?;
     let field = config.field()?;
-    let limits = Limits::measure(1 << field.grid.log2_table);
+    // A step reads the tables of all levels, and adds to those of one after another.
+    let level = 1 << field.grid.log2_table;
+    let limits = Limits::measure(field.grid.entries().next_power_of_two(), level);
     let recipe = &config.recipe;
     let mut engine = engines::create(Device::Cpu, &Parameters::init(field, 0)?, config.engine())?;
     if let Some(prior) = &data.depths {

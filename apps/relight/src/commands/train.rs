@@ -1,6 +1,6 @@
 //! `relight train`: from a scene to a field.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use clap::ValueEnum;
@@ -82,7 +82,7 @@ impl Preset {
         }
     }
 
-    pub fn recipe(self) -> Recipe {
+    fn recipe(self) -> Recipe {
         match self {
             Self::Fast => Recipe::fast(),
             Self::Paper => Recipe::paper(),
@@ -113,7 +113,7 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
 fn begin(args: &Args, quiet: bool) -> anyhow::Result<(RunFolder, RunConfig, Prepared)> {
     RunFolder::check_vacant(&args.out)?;
     let model = args.model.as_deref().unwrap_or(MODEL).to_lowercase();
-    let recipe = recipe(args, &model)?;
+    let recipe = recipe(args.preset.unwrap_or(Preset::Fast), args.recipe.as_deref(), &model)?;
     let (scene, splits) = open(&args.scene)?;
     let mut data = Prepared::load(scene, splits, quiet)?;
     let config = data.plan(Wish {
@@ -127,10 +127,10 @@ fn begin(args: &Args, quiet: bool) -> anyhow::Result<(RunFolder, RunConfig, Prep
     Ok((RunFolder::create(&args.out, &config)?, config, data))
 }
 
-/// The recipe of a new run: the preset's, with the settings of `--recipe` in place of its own.
-fn recipe(args: &Args, model: &str) -> anyhow::Result<Recipe> {
-    let preset = args.preset.unwrap_or(Preset::Fast).recipe();
-    let Some(path) = &args.recipe else { return Ok(preset) };
+/// The recipe of a training: the preset's, with the settings in the file `changes` in place of its own.
+pub fn recipe(preset: Preset, changes: Option<&Path>, model: &str) -> anyhow::Result<Recipe> {
+    let preset = preset.recipe();
+    let Some(path) = changes else { return Ok(preset) };
     let text = read_text(path, LONGEST_RECIPE)?;
     let changed = || -> anyhow::Result<Recipe> {
         let mut settings = toml::Table::try_from(&preset)?;

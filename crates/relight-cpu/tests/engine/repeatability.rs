@@ -32,9 +32,9 @@ fn settings(step: u64) -> StepSettings {
 
 fn engine(config: EngineConfig) -> CpuEngine {
     let mut engine = CpuEngine::new(&field(V5), config).unwrap();
-    // It has seen shadows, and so imagines what probes show.
+    // It has seen shadows and how far imagined colours miss, and so imagines what probes show and trusts it by half.
     let mut state = engine.state().unwrap();
-    state.insert("shadows".into(), StateTensor::F32(vec![40.0, 100.0]));
+    state.insert("probes".into(), StateTensor::F32(vec![40.0, 90.0, 2.0, 80.0, 1.0, 70.0, 0.0125]));
     engine.restore(&field(V5), &state).unwrap();
     engine.expect_surfaces(&[[0.1, 0.1, 0.3], [-0.2, 0.0, 0.5], [9.0, 0.0, 0.0]]);
     engine
@@ -86,6 +86,20 @@ fn the_same_seed_gives_the_same_run_on_any_number_of_threads() {
             bits(&other.parameters().unwrap()) != bits(&same.parameters().unwrap()),
             "the seed is ignored"
         );
+    }
+}
+
+#[test]
+fn imagined_probes_are_learnt_from() {
+    let mut batch = batch(701, 2);
+    batch.probe_colours.fill([f32::NAN; 3]);
+    for config in CONFIGS {
+        let [with, without] = [0.5, 0.0].map(|probe_weight| {
+            let mut engine = engine(config);
+            engine.train_step(&batch, &StepSettings { probe_weight, ..settings(0) }).unwrap();
+            engine
+        });
+        assert!(bits(&with.parameters().unwrap()) != bits(&without.parameters().unwrap()));
     }
 }
 

@@ -134,7 +134,62 @@ fn training_lowers_the_loss() {
     }
 }
 
-/// Probes that were photographed are pairs like any other.
+/// What is known to be worth nothing is not learnt from.
+#[test]
+fn probes_that_nobody_trusts_change_nothing() {
+    let batch = batch(40, 3);
+    let config =
+        EngineConfig { sampling: Sampling::Guided { samples: 12 }, shading: SHADINGS[0], seed: SEED };
+    let [without, distrusted] = [(0.0, 0.005), (0.7, 0.0)].map(|(probe_weight, least)| {
+        let parameters = field(V5);
+        let mut engine = CpuEngine::new(&parameters, config).unwrap();
+        let mut state = engine.state().unwrap();
+        let means = vec![40.0, 100.0, 1.0, 100.0, 1.0, 100.0, least];
+        state.insert("probes".into(), StateTensor::F32(means));
+        engine.restore(&parameters, &state).unwrap();
+        engine.train_step(&batch, &StepSettings { probe_weight, ..settings(0) }).unwrap();
+        engine
+    });
+    let same =
+        groups(&without.parameters().unwrap()).into_iter().zip(groups(&distrusted.parameters().unwrap()));
+    for (group, (without, distrusted)) in ["grid", "geo", "rgb", "vis"].into_iter().zip(same) {
+        let expected: Vec<f64> = without.iter().map(|&w| f64::from(w)).collect();
+        assert_close(group, &distrusted, &expected, 1e-5);
+    }
+}
+
+/// Each stage counts its own work.
+#[test]
+fn stages_count_what_a_step_takes() {
+    let (n, samples) = (40, 12);
+    let batch = batch(n, 3);
+    let parameters = field(V5);
+    let config = EngineConfig { sampling: Sampling::Guided { samples }, shading: SHADINGS[0], seed: SEED };
+    let mut engine = CpuEngine::new(&parameters, config).unwrap();
+    let started = std::time::Instant::now();
+    for step in 0..2 {
+        engine
+            .train_step(&batch, &StepSettings { probe_weight: 0.5, roulette: 1.0, ..settings(step) })
+            .unwrap();
+    }
+    let (stages, seconds) = (engine.stages(), started.elapsed().as_secs_f64());
+    let of = |name: &str| stages.iter().find(|(stage, _)| *stage == name).unwrap().1;
+    assert!(stages.iter().all(|(name, cost)| cost.seconds > 0.0 || panic!("{name}")));
+    assert!(stages.iter().map(|(_, cost)| cost.seconds).sum::<f64>() <= seconds, "no time counts twice");
+    let levels = parameters.config.grid.levels;
+    assert_eq!(of("encode").lookups, (2 * n * samples * levels * 8) as f64);
+    let scattered = of("scatter").updates;
+    assert!(scattered > 0.0 && scattered < of("encode").lookups, "roulette leaves samples out: {scattered}");
+    assert_eq!(of("occupancy").updates, (2 * n * samples) as f64);
+    let weights =
+        |layers: &[relight_field::parameters::Layer]| layers.iter().map(|l| l.weight.len()).sum::<usize>();
+    let pairs = of("colour and visibility").operations
+        / (2 * (weights(&parameters.rgb.layers) + weights(&parameters.vis.as_ref().unwrap().layers))) as f64;
+    // Three photographs and two probes a ray, and columns that fill the tiles up.
+    assert!((400.0..600.0).contains(&pairs), "{pairs}");
+}
+
+/// Probes that were photographed are pairs like any other, as far as probes are trusted.
 #[test]
 fn photographed_probes_count_as_further_pairs() {
     let n = 40;
@@ -164,10 +219,15 @@ fn photographed_probes_count_as_further_pairs() {
         samples.fill(&Parts::new(&before).marcher(Level::new()), &batch.rays, sampling, 4, jitter);
         // As if imagined colours had proved to miss by twice as much as the field: probes count half.
         let mut trusting = engine.state().unwrap();
-        let means = vec![0.0, 0.0, 1.0, 100.0, 1.0, 100.0, 0.005];
+        let means = vec![40.0, 100.0, 1.0, 100.0, 1.0, 100.0, 0.005];
         trusting.insert("probes".into(), StateTensor::F32(means));
         engine.restore(&before, &trusting).unwrap();
-        engine.train_step(&batch, &settings).unwrap();
+        let stats = engine.train_step(&batch, &settings).unwrap();
+        let after = engine.state().unwrap();
+        let &[.., imagined, guesses, field, steps, least] = f32s(&after, "probes") else { panic!() };
+        assert!(imagined > 0.999 && guesses > 99.9, "photographed probes tell what guesses are worth");
+        assert!((f64::from(field) - 0.999 - stats.loss).abs() < 1e-5 && (steps - 100.9).abs() < 1e-3);
+        assert_eq!(least, 0.005f32.min(field / steps));
         let plain = plain_samples(&samples, n);
         let field = Field::<f64>::new(&before).unwrap();
         let oracle = loss_and_gradient(&field, shading, &with_pairs, &plain, &settings).unwrap();
