@@ -81,27 +81,30 @@ impl DensityGrid {
 
     /// The cell of a position in the unit cube; positions outside belong to the nearest.
     pub fn cell(&self, unit: [f32; 3]) -> usize {
-        let cells = self.bricks * BRICK;
-        let [x, y, z] = unit.map(|u| ((u * cells as f32) as usize).min(cells - 1));
+        // Signed: processors convert to those at once.
+        let cells = (self.bricks * BRICK) as i32;
+        let [x, y, z] = unit.map(|u| ((u * cells as f32) as i32).clamp(0, cells - 1) as usize);
         let brick = x / BRICK + self.bricks * (y / BRICK + self.bricks * (z / BRICK));
         brick * BRICK_CELLS + x % BRICK + BRICK * (y % BRICK + BRICK * (z % BRICK))
     }
 
-    /// How far a ray can go on from `unit` and still be in the same brick, if nothing in that brick is thick enough to
-    /// count: in multiples of `direction`, both in the unit cube.
-    pub fn empty_ahead(&self, unit: [f32; 3], cell: usize, direction: [f32; 3]) -> Option<f32> {
+    /// Multiples of a direction in the unit cube in which a ray goes from one face of a brick to the opposite one, for
+    /// each axis; a huge number for faces that it runs along.
+    pub fn brick_crossings(&self, direction: [f32; 3]) -> [f32; 3] {
+        let bricks = self.bricks as f32;
+        direction.map(|d| if d == 0.0 { f32::MAX } else { (1.0 / (d * bricks)).clamp(f32::MIN, f32::MAX) })
+    }
+
+    /// How far a ray can go on from `unit` in the unit cube and still be in the same brick, if nothing in that brick is
+    /// thick enough to count: in multiples of its direction, whose [`DensityGrid::brick_crossings`] are `crossings`.
+    pub fn empty_ahead(&self, unit: [f32; 3], cell: usize, crossings: [f32; 3]) -> Option<f32> {
         if self.optical[usize::from(self.largest[cell / BRICK_CELLS])] != 0.0 {
             return None;
         }
-        let bricks = self.bricks as f32;
         let to_face = |a: usize| {
-            if direction[a] == 0.0 {
-                return f32::INFINITY;
-            }
-            let scaled = unit[a] * bricks;
-            let low = scaled.floor();
-            let face = if direction[a] > 0.0 { low + 1.0 } else { low };
-            (face - scaled) / (direction[a] * bricks)
+            let scaled = unit[a] * self.bricks as f32;
+            let within = scaled - (scaled as i32) as f32;
+            if crossings[a] > 0.0 { (1.0 - within) * crossings[a] } else { -within * crossings[a] }
         };
         Some((0..3).map(to_face).fold(f32::INFINITY, f32::min))
     }
@@ -160,7 +163,7 @@ mod tests {
             let direction = if flat { [direction[0], 0.0, direction[2]] } else { direction };
             let cell = grid.cell(unit);
             let within = |cell: usize| occupied.iter().any(|o| o / BRICK_CELLS == cell / BRICK_CELLS);
-            let ahead = grid.empty_ahead(unit, cell, direction);
+            let ahead = grid.empty_ahead(unit, cell, grid.brick_crossings(direction));
             prop_assert_eq!(ahead.is_none(), within(cell));
             if let Some(ahead) = ahead {
                 prop_assert!(ahead >= 0.0 && ahead.is_finite());

@@ -124,17 +124,17 @@ fn optical_depths(
     (o, d): ([f32; 3], [f32; 3]),
     (near, step, bins): (f32, f32, usize),
 ) -> impl Iterator<Item = (usize, f32)> {
-    let mut next = 0;
+    let (mut next, crossings, steps_a_metre) = (0, grid.brick_crossings(d), 1.0 / step);
     std::iter::from_fn(move || {
         while next < bins {
             let b = next;
             let unit = along(o, d, near + (b as f32 + 0.5) * step);
             let cell = grid.cell(unit);
-            let Some(ahead) = grid.empty_ahead(unit, cell, d) else {
+            let Some(ahead) = grid.empty_ahead(unit, cell, crossings) else {
                 next += 1;
                 return Some((b, grid.optical_depth(cell)));
             };
-            next = b.saturating_add(((ahead / step) as usize).max(1));
+            next = b.saturating_add(((ahead * steps_a_metre) as usize).max(1));
         }
         None
     })
