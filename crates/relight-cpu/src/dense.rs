@@ -190,7 +190,7 @@ fn outer_simd<S: Simd>(simd: S, dy: &[f32], x: &[f32], w: &mut [f32], inputs: us
     }
 }
 
-/// `M` rows of the gradient, two columns of it at a time.
+/// `M` rows of the gradient, some columns of it at a time.
 #[inline(always)]
 fn outer_rows<S: Simd, const M: usize>(
     simd: S,
@@ -201,6 +201,13 @@ fn outer_rows<S: Simd, const M: usize>(
     columns: usize,
 ) {
     let mut k = 0;
+    // 32 registers hold a block twice as wide as 16 do.
+    if S::f32s::LEN >= 16 {
+        while k + 4 <= inputs {
+            outer_block::<S, M, 4>(simd, dy, &x[k * columns..(k + 4) * columns], w, inputs, columns, k);
+            k += 4;
+        }
+    }
     while k + 2 <= inputs {
         outer_block::<S, M, 2>(simd, dy, &x[k * columns..(k + 2) * columns], w, inputs, columns, k);
         k += 2;
@@ -236,10 +243,33 @@ fn outer_block<S: Simd, const M: usize, const K: usize>(
         }
         c += lanes;
     }
-    for i in 0..M {
-        for j in 0..K {
-            w[i * inputs + k + j] += sum[i][j].reduce_sum();
+    let mut totals = [[0f32; K]; M];
+    lane_sums::<S>(sum.as_flattened_mut(), totals.as_flattened_mut());
+    for (row, totals) in w.chunks_exact_mut(inputs).zip(&totals) {
+        row[k..k + K].iter_mut().zip(totals).for_each(|(w, total)| *w += total);
+    }
+}
+
+/// Sums over the lanes of each vector; where there are as many vectors as lanes, of all at once: a vector that takes
+/// its lanes in turn from two others, added to its like of their other halves, holds half the sums of each.
+#[inline(always)]
+fn lane_sums<S: Simd>(vectors: &mut [S::f32s], totals: &mut [f32]) {
+    if vectors.len() != S::f32s::LEN {
+        vectors.iter().zip(totals).for_each(|(vector, total)| *total = vector.reduce_sum());
+        return;
+    }
+    let mut left = vectors.len();
+    let unused_bits = usize::BITS - left.trailing_zeros();
+    while left > 1 {
+        left /= 2;
+        for i in 0..left {
+            let (a, b) = (vectors[2 * i], vectors[2 * i + 1]);
+            vectors[i] = a.zip_low(b) + a.zip_high(b);
         }
+    }
+    // The first choice between two vectors became the highest bit of the lane.
+    for (lane, &total) in vectors[0].as_slice().iter().enumerate() {
+        totals[lane.reverse_bits() >> unused_bits] = total;
     }
 }
 
