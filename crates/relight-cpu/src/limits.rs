@@ -3,10 +3,10 @@
 //! Each kernel here does nothing but the one thing that it measures, as the engine's own kernels do it.
 
 use std::hint::black_box;
+use std::sync::Barrier;
 use std::time::{Duration, Instant};
 
 use fearless_simd::{Level, Simd, dispatch, prelude::*};
-use rayon::prelude::*;
 
 /// Rates a second, on all threads.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,25 +34,23 @@ impl Limits {
         let level = Level::new();
         let table = vec![[1f32; 2]; read];
         Self {
-            operations: on_all_threads(|| 0.1, |x| multiply_adds(level, x, CHUNK)),
+            operations: on_all_threads(|_| 0.1, |x| multiply_adds(level, x, CHUNK)),
             bytes: on_all_threads(
-                || (vec![1u64; STREAM_BYTES / 8], vec![0u64; STREAM_BYTES / 8]),
+                |_| (vec![1u64; STREAM_BYTES / 8], vec![0u64; STREAM_BYTES / 8]),
                 |(from, to)| {
                     to.copy_from_slice(black_box(from));
+                    black_box(to);
                     2 * STREAM_BYTES
                 },
             ),
-            lookups: on_all_threads(
-                || 1,
-                |state| {
-                    black_box(gather(&table, state, CHUNK));
-                    CHUNK
-                },
-            ),
+            lookups: on_all_threads(jumps, |jumps| {
+                black_box(gather(&table, jumps, CHUNK));
+                CHUNK
+            }),
             updates: on_all_threads(
-                || (vec![[1f32; 2]; written], 1),
-                |(table, state)| {
-                    scatter(black_box(table), state, CHUNK);
+                |thread| (vec![[1f32; 2]; written], jumps(thread)),
+                |(table, jumps)| {
+                    scatter(black_box(table), jumps, CHUNK);
                     CHUNK
                 },
             ),
@@ -60,25 +58,25 @@ impl Limits {
     }
 }
 
-/// Things a second that all threads together do with `work`, which does some and says how many, on its own `memory`.
-fn on_all_threads<T>(memory: impl Fn() -> T + Sync, work: impl Fn(&mut T) -> usize + Sync) -> f64 {
-    (0..rayon::current_num_threads())
-        .into_par_iter()
-        .with_max_len(1)
-        .map(|_| {
-            let mut memory = memory();
-            work(&mut memory);
-            let (started, mut done) = (Instant::now(), 0);
-            while started.elapsed() < TIME {
-                done += work(&mut memory);
-            }
-            done as f64 / started.elapsed().as_secs_f64()
-        })
-        .sum()
+/// Things a second that all threads together do with `work`, which does some and says how many, on the `memory` of each.
+fn on_all_threads<T>(memory: impl Fn(u32) -> T + Sync, work: impl Fn(&mut T) -> usize + Sync) -> f64 {
+    // They start together, or the first would have the machine for itself.
+    let ready = Barrier::new(rayon::current_num_threads());
+    let rates = rayon::broadcast(|thread| {
+        let mut memory = memory(thread.index() as u32);
+        work(&mut memory);
+        ready.wait();
+        let (started, mut done) = (Instant::now(), 0);
+        while started.elapsed() < TIME {
+            done += work(&mut memory);
+        }
+        done as f64 / started.elapsed().as_secs_f64()
+    });
+    rates.into_iter().sum()
 }
 
-/// Fused multiply-adds in registers, about `rounds` rounds of independent ones; returns the operations.
-pub fn multiply_adds(level: Level, x: &mut f32, rounds: usize) -> usize {
+/// Fused multiply-adds in registers, `rounds` rounds of independent ones; returns the operations.
+fn multiply_adds(level: Level, x: &mut f32, rounds: usize) -> usize {
     dispatch!(level, simd => multiply_adds_simd(simd, x, rounds))
 }
 
@@ -97,31 +95,41 @@ fn multiply_adds_simd<S: Simd>(simd: S, x: &mut f32, rounds: usize) -> usize {
     2 * rounds * INDEPENDENT * S::f32s::LEN
 }
 
-/// The next index of a sequence that jumps all over a table of a power of two.
-fn next(state: &mut u32) -> usize {
-    *state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-    (*state >> 8) as usize
+/// Sequences that jump all over a table, side by side so that none waits for another.
+type Jumps = [u64; 8];
+
+/// Sequences of a thread's own.
+fn jumps(thread: u32) -> Jumps {
+    std::array::from_fn(|i| u64::from(thread) << 32 | (i as u64 + 1))
 }
 
-/// Sum of `n` entries of a table of a power of two, read in no order.
-pub fn gather(table: &[[f32; 2]], state: &mut u32, n: usize) -> [f32; 2] {
-    let mask = table.len() - 1;
-    let mut sum = [0f32; 2];
-    for _ in 0..n {
-        let entry = table[next(state) & mask];
-        sum[0] += entry[0];
-        sum[1] += entry[1];
+/// The next index, in a table whose size is a power of two.
+fn jump(state: &mut u64, size: usize) -> usize {
+    *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+    (*state >> 33) as usize & (size - 1)
+}
+
+/// Sum of about `n` entries of a table whose size is a power of two, read in no order.
+fn gather(table: &[[f32; 2]], jumps: &mut Jumps, n: usize) -> [f32; 2] {
+    let mut sums = [[0f32; 2]; 8];
+    for _ in 0..n / jumps.len() {
+        for (state, sum) in jumps.iter_mut().zip(&mut sums) {
+            let entry = table[jump(state, table.len())];
+            sum[0] += entry[0];
+            sum[1] += entry[1];
+        }
     }
-    sum
+    [0, 1].map(|f| sums.iter().map(|sum| sum[f]).sum())
 }
 
-/// Adds to `n` entries of a table of a power of two, in no order.
-pub fn scatter(table: &mut [[f32; 2]], state: &mut u32, n: usize) {
-    let mask = table.len() - 1;
-    for _ in 0..n {
-        let entry = &mut table[next(state) & mask];
-        entry[0] += 0.5;
-        entry[1] += 0.25;
+/// Adds to about `n` entries of a table whose size is a power of two, in no order.
+fn scatter(table: &mut [[f32; 2]], jumps: &mut Jumps, n: usize) {
+    for _ in 0..n / jumps.len() {
+        for state in jumps.iter_mut() {
+            let entry = &mut table[jump(state, table.len())];
+            entry[0] += 0.5;
+            entry[1] += 0.25;
+        }
     }
 }
 
@@ -132,12 +140,13 @@ mod tests {
     #[test]
     fn lookups_and_updates_reach_the_whole_table() {
         let mut table = vec![[0f32; 2]; 1 << 10];
-        scatter(&mut table, &mut 1, 1 << 14);
+        scatter(&mut table, &mut jumps(0), 1 << 14);
         assert!(table.iter().all(|entry| entry[0] > 0.0));
         let total: f32 = table.iter().map(|entry| entry[1]).sum();
         assert_eq!(total, 0.25 * (1 << 14) as f32);
         let ones = vec![[1f32, 2.0]; 1 << 10];
-        assert_eq!(gather(&ones, &mut 1, 100), [100.0, 200.0]);
+        assert_eq!(gather(&ones, &mut jumps(1), 800), [800.0, 1600.0]);
+        assert_ne!(jumps(0), jumps(1), "threads go ways of their own");
     }
 
     #[test]

@@ -244,12 +244,12 @@ impl<'a> BatchSampler<'a> {
             // Photographs that the ray is compared with anyway would say nothing new.
             let taken = &light_index[ray * self.lights_per_ray..][..self.lights_per_ray];
             let left = held.len().saturating_sub(self.lights_per_ray);
-            if probe % KNOWN_PROBES == 0 && left > 0 {
-                let mut untaken = (0..held.len()).filter(|&slot| !taken.contains(&held[slot]));
-                if let Some(slot) = untaken.nth(random.below_at(own, left as u32) as usize) {
-                    *light = self.lights[held[slot] as usize];
-                    *colour = self.store.pixel(v, pixel)[slot].map(|c| f32::from(c) / 255.0);
-                }
+            let known = (probe % KNOWN_PROBES == 0 && left > 0)
+                .then(|| (0..held.len()).filter(|&slot| !taken.contains(&held[slot])))
+                .and_then(|mut untaken| untaken.nth(random.below_at(own, left as u32) as usize));
+            if let Some(slot) = known {
+                *light = self.lights[held[slot] as usize];
+                *colour = self.store.pixel(v, pixel)[slot].map(|c| f32::from(c) / 255.0);
             } else {
                 *light = self.lights[held[random.below_at(own, held.len() as u32) as usize] as usize];
                 move_light(light, self.probe_reach, |axis| random.uniform_at(own + 1 + axis));

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use anyhow::ensure;
+use anyhow::bail;
 use relight_cpu::limits::Limits;
 use relight_field::architecture::VARIANTS;
 use relight_field::engine::{RayBatch, StageCost};
@@ -111,7 +111,10 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let (mut before, mut drawing, mut started) = (Vec::new(), 0.0, Instant::now());
     let (mut rays, mut pairs) = (0, 0);
     for step in 0..args.steps {
-        ensure!(unless(cancel).is_continue(), "stopped");
+        if unless(cancel).is_break() {
+            bar.clear();
+            bail!("stopped");
+        }
         if step == first {
             (before, started) = (engine.stages(), Instant::now());
             (drawing, rays, pairs) = (0.0, 0, 0);
