@@ -10,7 +10,7 @@ use relight_field::engine::StageCost;
 /// A stage of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
-    /// Placing samples along the rays.
+    /// Placing samples along the rays; of those that are drawn from weights, the weights too.
     March,
     /// Looking their features up.
     Encode,
