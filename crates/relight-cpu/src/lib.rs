@@ -1,9 +1,11 @@
 //! The fast CPU engine.
 //!
-//! A step goes through the phases of the reference engine under the same names: [`march`] places samples,
-//! [`hash_grid`] encodes them, [`tile`] runs networks and compositing forward and backward while they are in cache
-//! ([`shade`] being the colour and visibility half, [`probes`] adding lights that nobody photographed), [`roulette`]
-//! thins the gradients, [`hash_grid`] and [`adam`] optimise, [`density_grid`] learns where to march. Every result is the same for any number of threads.
+//! A step goes through the phases of the reference engine under the same names: [`march`] places samples, [`guide`]
+//! where something is, [`hash_grid`] encodes them, [`tile`] runs networks and compositing forward and backward while
+//! they are in cache ([`shade`] being the colour and visibility half, [`probes`] adding lights that nobody photographed,
+//! as far as [`experience`] bears them out), [`roulette`] thins the gradients, [`hash_grid`] and [`adam`] optimise,
+//! [`density_grid`] learns where to march. Every result is the same for any number of threads. [`stages`] counts what
+//! each phase takes, and [`limits`] measures what it could.
 
 pub mod adam;
 pub mod composite;
@@ -12,6 +14,7 @@ pub mod density_grid;
 mod draw;
 mod engine;
 pub mod experience;
+pub mod guide;
 pub mod harmonics;
 pub mod hash_grid;
 pub mod limits;

@@ -14,7 +14,8 @@ use relight_field::engine::{RayBatch, Rays};
 use relight_field::sampling::Sampling;
 
 use crate::experience::Seen;
-use crate::march::{self, along};
+use crate::guide;
+use crate::march::along;
 use crate::samples::{Jitter, Marcher, SampleBatch};
 use crate::shade::CodedLight;
 use crate::tile::Workspace;
@@ -77,7 +78,7 @@ impl Probes {
             let (origin, length) = (along(point, direction, gap), (length - gap).max(0.0));
             let (near, far) = marcher.cube.clip(origin, direction);
             let span = (near, far.min(length));
-            let clear = march::is_clear(marcher.density, &marcher.cube, (origin, direction), span);
+            let clear = guide::is_clear(marcher.density, &marcher.cube, (origin, direction), span);
             (!clear).then_some((origin, direction, length))
         };
         let found: Vec<_> = lights.par_iter().enumerate().with_min_len(32).map(stopped).collect();

@@ -10,8 +10,9 @@ use relight_field::sampling::Sampling;
 
 use crate::dense::padded;
 use crate::density_grid::DensityGrid;
+use crate::guide::{self, GuideScratch};
 use crate::hash_grid::{HashGrid, TiledPositions};
-use crate::march::{self, GuideScratch, UnitCube, along};
+use crate::march::{self, UnitCube, along};
 use crate::networks::Networks;
 use crate::pool::Pool;
 use crate::tile::{TileRays, Workspace};
@@ -96,7 +97,7 @@ impl SampleBatch {
                         guides.with(GuideScratch::default, |guide| {
                             let draw = |k| jitter.at(ray, k);
                             let draw: Option<&dyn Fn(usize) -> f32> = jitter.0.is_some().then_some(&draw);
-                            march::guided(
+                            guide::guided(
                                 marcher.density,
                                 &marcher.cube,
                                 (origin, direction),
