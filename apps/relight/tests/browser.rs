@@ -30,6 +30,7 @@ addEventListener("load", () => {
 </script>"#;
 
 /// What the inspection tells of a page in a window so wide.
+#[allow(clippy::unwrap_used)]
 fn inspect(page: &Path, profile: &Path, width: u32) -> serde_json::Value {
     let inspected = page.with_file_name("inspected.html");
     let text = fs::read_to_string(page).unwrap();
