@@ -16,8 +16,8 @@ const LOWEST_OCTAVE: f32 = -6.0;
 /// Densities on a regular grid of cells over the field's box.
 ///
 /// A cell is one byte, the logarithm of its density, so that the grid stays in cache; forgetting is subtraction.
-/// Cells are stored brick by brick, so that a ray meets few cache lines, and each brick knows its largest code, so
-/// that rays step over empty ones.
+/// Cells are stored brick by brick, so that a ray meets few cache lines, and each brick knows how far the nearest brick is in
+/// which something is, so that rays step over all that is empty.
 pub struct DensityGrid {
     /// Bricks an axis.
     bricks: usize,
@@ -25,14 +25,17 @@ pub struct DensityGrid {
     cell_size: f32,
     /// Codes; bricks x fastest, and cells within a brick likewise.
     cells: Vec<u8>,
-    /// At least the largest code of each brick.
-    largest: Vec<u8>,
+    /// Bricks from each brick to the nearest one that is not empty, along the axis on which they are farthest apart: 0 for
+    /// those themselves, and at most [`FARTHEST`].
+    distance: Vec<u8>,
     /// Optical depth of a cell's edge, by code; 0 for what is too thin to count.
     optical: [f32; 256],
 }
 
 /// Optical depths of a cell below which rays ignore it.
 const THIN: f32 = 1e-3;
+/// Largest distance between bricks that is told from larger ones.
+const FARTHEST: u8 = 4;
 
 impl DensityGrid {
     /// A grid of `resolution` cells an axis (a multiple of 8) with the same density (per metre) everywhere.
@@ -44,13 +47,10 @@ impl DensityGrid {
             let depth = (code as f32 / CODES_AN_OCTAVE + LOWEST_OCTAVE).exp2() * cell_size;
             if code == 0 || depth < THIN { 0.0 } else { depth }
         });
-        Self {
-            bricks,
-            cell_size,
-            cells: vec![code(density); bricks.pow(3) * BRICK_CELLS],
-            largest: vec![code(density); bricks.pow(3)],
-            optical,
-        }
+        let cells = vec![0; bricks.pow(3) * BRICK_CELLS];
+        let mut grid = Self { bricks, cell_size, cells, distance: vec![0; bricks.pow(3)], optical };
+        grid.fill(density);
+        grid
     }
 
     /// Shortest edge of a cell, metres: the step at which rays look at the grid.
@@ -68,15 +68,17 @@ impl DensityGrid {
         let fits = cells.len() == self.cells.len();
         if fits {
             self.cells.copy_from_slice(cells);
-            self.find_largest();
+            self.find_distances();
         }
         fits
     }
 
     /// Sets all cells to one density.
     pub fn fill(&mut self, density: f32) {
-        self.cells.fill(code(density));
-        self.largest.fill(code(density));
+        let code = code(density);
+        self.cells.fill(code);
+        let distance = if self.counts(code) { 0 } else { FARTHEST };
+        self.distance.fill(distance);
     }
 
     /// The cell of a position in the unit cube; positions outside belong to the nearest.
@@ -95,16 +97,24 @@ impl DensityGrid {
         direction.map(|d| if d == 0.0 { f32::MAX } else { (1.0 / (d * bricks)).clamp(f32::MIN, f32::MAX) })
     }
 
-    /// How far a ray can go on from `unit` in the unit cube and still be in the same brick, if nothing in that brick is
-    /// thick enough to count: in multiples of its direction, whose [`DensityGrid::brick_crossings`] are `crossings`.
+    /// How far a ray can go on from `unit` in the unit cube and still be in bricks in which nothing is thick enough to
+    /// count, if `cell` there is in one: in multiples of its direction, whose [`DensityGrid::brick_crossings`] are
+    /// `crossings`.
     pub fn empty_ahead(&self, unit: [f32; 3], cell: usize, crossings: [f32; 3]) -> Option<f32> {
-        if self.optical[usize::from(self.largest[cell / BRICK_CELLS])] != 0.0 {
+        let distance = self.distance[cell / BRICK_CELLS];
+        if distance == 0 {
             return None;
         }
+        // All bricks nearer than that are empty as well.
+        let around = f32::from(distance - 1);
         let to_face = |a: usize| {
             let scaled = unit[a] * self.bricks as f32;
             let within = scaled - (scaled as i32) as f32;
-            if crossings[a] > 0.0 { (1.0 - within) * crossings[a] } else { -within * crossings[a] }
+            if crossings[a] > 0.0 {
+                (around + 1.0 - within) * crossings[a]
+            } else {
+                -(around + within) * crossings[a]
+            }
         };
         Some((0..3).map(to_face).fold(f32::INFINITY, f32::min))
     }
@@ -117,10 +127,14 @@ impl DensityGrid {
     /// Raises a cell to a density (per metre) seen in it.
     pub fn observe(&mut self, cell: usize, density: f32) {
         let code = code(density);
-        let value = &mut self.cells[cell];
-        *value = code.max(*value);
-        let largest = &mut self.largest[cell / BRICK_CELLS];
-        *largest = code.max(*largest);
+        if code <= self.cells[cell] {
+            return;
+        }
+        self.cells[cell] = code;
+        let brick = cell / BRICK_CELLS;
+        if self.distance[brick] > 0 && self.counts(code) {
+            self.bring_near(brick);
+        }
     }
 
     /// Lets all cells forget: their densities fall by an eighth of an octave (to 92 %).
@@ -128,13 +142,50 @@ impl DensityGrid {
         self.cells.par_chunks_mut(1 << 16).for_each(|chunk| {
             chunk.iter_mut().for_each(|c| *c = c.saturating_sub(1));
         });
-        self.find_largest();
+        self.find_distances();
     }
 
-    fn find_largest(&mut self) {
-        self.largest.par_iter_mut().zip(self.cells.par_chunks(BRICK_CELLS)).for_each(|(largest, cells)| {
-            *largest = cells.iter().copied().fold(0, u8::max);
+    /// Whether a cell of this code is thick enough to count.
+    fn counts(&self, code: u8) -> bool {
+        self.optical[usize::from(code)] != 0.0
+    }
+
+    /// Tells the bricks around that this one is no longer empty.
+    fn bring_near(&mut self, brick: usize) {
+        let (n, far) = (self.bricks, usize::from(FARTHEST) - 1);
+        let [x, y, z] = [brick % n, brick / n % n, brick / (n * n)];
+        let around = |i: usize| i.saturating_sub(far)..(i + far + 1).min(n);
+        for near_z in around(z) {
+            for near_y in around(y) {
+                let apart = near_z.abs_diff(z).max(near_y.abs_diff(y));
+                for near_x in around(x) {
+                    let distance = &mut self.distance[near_x + n * (near_y + n * near_z)];
+                    *distance = (*distance).min(apart.max(near_x.abs_diff(x)) as u8);
+                }
+            }
+        }
+    }
+
+    /// Finds all distances anew: along each axis in turn, the larger of how far to go and of what is known there.
+    fn find_distances(&mut self) {
+        let Self { bricks, cells, distance, optical, .. } = self;
+        distance.par_iter_mut().zip(cells.par_chunks(BRICK_CELLS)).for_each(|(distance, cells)| {
+            let largest = cells.iter().copied().fold(0, u8::max);
+            *distance = if optical[usize::from(largest)] != 0.0 { 0 } else { FARTHEST };
         });
+        let mut known = vec![0; distance.len()];
+        for stride in [1, *bricks, *bricks * *bricks] {
+            known.copy_from_slice(distance);
+            for (brick, distance) in distance.iter_mut().enumerate() {
+                let at = brick / stride % *bricks;
+                for apart in 1..FARTHEST {
+                    let step = usize::from(apart);
+                    let before = if at >= step { known[brick - step * stride] } else { FARTHEST };
+                    let after = if at + step < *bricks { known[brick + step * stride] } else { FARTHEST };
+                    *distance = (*distance).min(apart.max(before.min(after)));
+                }
+            }
+        }
     }
 }
 
@@ -153,28 +204,48 @@ mod tests {
     proptest! {
         #[test]
         fn rays_may_skip_what_is_empty_and_nothing_else(
-            occupied in proptest::collection::vec(0usize..4096, 0..4),
+            occupied in proptest::collection::vec([0usize..8, 0usize..8, 0usize..8], 0..4),
             unit in [0f32..1.0, 0f32..1.0, 0f32..1.0],
             direction in [-2f32..2.0, -2f32..2.0, 0.01f32..2.0],
             flat in any::<bool>(),
         ) {
-            let mut grid = grid(0.0);
-            occupied.iter().for_each(|&cell| grid.observe(cell, 1000.0));
+            let mut grid = of_bricks(&occupied);
             let direction = if flat { [direction[0], 0.0, direction[2]] } else { direction };
-            let cell = grid.cell(unit);
-            let within = |cell: usize| occupied.iter().any(|o| o / BRICK_CELLS == cell / BRICK_CELLS);
-            let ahead = grid.empty_ahead(unit, cell, grid.brick_crossings(direction));
-            prop_assert_eq!(ahead.is_none(), within(cell));
-            if let Some(ahead) = ahead {
-                prop_assert!(ahead >= 0.0 && ahead.is_finite());
-                // Rays go on by whole steps: the last that they leave out is one step from the face.
-                let step = 1.0 / 64.0;
-                for k in 1..(ahead / step) as usize {
-                    let at = std::array::from_fn(|a| unit[a] + k as f32 * step * direction[a]);
-                    prop_assert_eq!(grid.cell(at) / BRICK_CELLS, cell / BRICK_CELLS, "{} of {}", k, ahead);
+            let brick = |unit: [f32; 3]| unit.map(|u| (u * 8.0) as usize);
+            let distance = |brick: [usize; 3]| {
+                let apart = |o: &[usize; 3]| (0..3).map(|a| o[a].abs_diff(brick[a])).max();
+                occupied.iter().filter_map(apart).min().unwrap_or(8)
+            };
+            for _ in 0..2 {
+                let ahead = grid.empty_ahead(unit, grid.cell(unit), grid.brick_crossings(direction));
+                prop_assert_eq!(ahead.is_none(), distance(brick(unit)) == 0);
+                if let Some(ahead) = ahead {
+                    // As far as the box around the brick goes that is known to be empty.
+                    let around = distance(brick(unit)).min(4) as f32 - 1.0;
+                    let to_face = |a: usize| {
+                        let low = (brick(unit)[a] as f32 - around) / 8.0;
+                        let face = if direction[a] > 0.0 { low + (2.0 * around + 1.0) / 8.0 } else { low };
+                        if direction[a] == 0.0 { f32::INFINITY } else { (face - unit[a]) / direction[a] }
+                    };
+                    let expected = (0..3).map(to_face).fold(f32::INFINITY, f32::min);
+                    prop_assert!((ahead - expected).abs() <= 1e-4 * (1.0 + expected), "{} {}", ahead, expected);
                 }
+                // Found anew, distances are what they had become one by one.
+                let cells = grid.cells().to_vec();
+                grid.fill(5.0);
+                grid.set_cells(&cells);
             }
         }
+    }
+
+    /// A grid of eight bricks an axis that is empty but for a cell in each of these.
+    fn of_bricks(bricks: &[[usize; 3]]) -> DensityGrid {
+        let mut grid = DensityGrid::uniform(&BOUNDS, 64, 0.0);
+        for brick in bricks {
+            let cell = grid.cell(brick.map(|b| (b as f32 + 0.6) / 8.0));
+            grid.observe(cell, 1000.0);
+        }
+        grid
     }
 
     fn grid(density: f32) -> DensityGrid {
