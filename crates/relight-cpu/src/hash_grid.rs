@@ -1,7 +1,10 @@
 //! The hash grid `h(x)`: lookups level by level, and the sparse optimiser that follows their gradients.
 //!
 //! The outer loop runs over levels and the whole batch inside it, so that one level's table at a time lives in
-//! cache. Going back, a level belongs to one thread: no atomics, and the same sums whatever the number of threads.
+//! cache. What a group of samples will want is asked of memory while the group before it is worked on. Going back, a level belongs to one thread: no atomics, and the same sums whatever the number of threads.
+
+mod corners;
+mod level_gradient;
 
 use std::time::Instant;
 
@@ -10,9 +13,11 @@ use rayon::prelude::*;
 use relight_field::engine::StageCost;
 use relight_field::parameters::{GridConfig, Level as GridLevel};
 
-use crate::adam::{self, BiasCorrection, UPDATE_OPERATIONS};
+use crate::adam::{BiasCorrection, UPDATE_OPERATIONS};
 use crate::pool::Pool;
 use crate::stages::{Clock, Costs, Stage};
+use corners::{Corners, GROUP};
+use level_gradient::LevelGradient;
 
 /// Corners of a cell.
 const CORNERS: usize = 8;
@@ -21,12 +26,6 @@ const CORNERS: usize = 8;
 const OPERATIONS: f64 = 6.75;
 /// Bytes of an entry, its moments and its gradient, read and written.
 const ENTRY_BYTES: usize = 2 * (2 * size_of::<Entry>() + size_of::<EntryMoments>());
-
-/// Samples whose corners are worked out together.
-const GROUP: usize = 16;
-
-/// Primes of the spatial hash (Mueller et al. 2022, equation 4); the first is 1.
-const PRIMES: [u32; 2] = [2_654_435_761, 805_459_861];
 
 /// One entry: its two features.
 type Entry = [f32; 2];
@@ -46,14 +45,8 @@ pub struct HashGrid {
     /// Empty until the first step: drawing needs none.
     moments: Vec<EntryMoments>,
     /// Gradient accumulators of one level, one for each thread at work; all zero between levels.
-    scratch: Pool<Scratch>,
+    scratch: Pool<LevelGradient>,
     largest: usize,
-}
-
-/// Gradient of one level, and a bit for each entry that has some.
-struct Scratch {
-    gradient: Vec<Entry>,
-    touched: Vec<u64>,
 }
 
 /// Samples in tiles: `[tile][3][columns]`, positions in the unit cube.
@@ -152,21 +145,22 @@ impl HashGrid {
         tasks.reverse();
         let pool = &self.scratch;
         let one = |(l, level, table, moments): (usize, &GridLevel, &mut [Entry], &mut [EntryMoments])| {
-            let make =
-                || Scratch { gradient: vec![[0.0; 2]; largest], touched: vec![0; largest.div_ceil(64)] };
-            pool.with(make, |scratch| {
-                let mut clock = Clock::default();
-                let samples = dispatch!(simd, simd => scatter_level(simd, (l, level), positions, gradients, outputs, scratch));
-                clock.lap(Stage::Scatter, 0);
-                let touched = update_touched(scratch, table, moments, rate, correction);
-                clock.lap(Stage::OptimiseGrid, 2 * UPDATE_OPERATIONS * touched);
-                let mut costs = *clock.costs();
-                let updates = (CORNERS * samples) as f64;
-                costs.of(Stage::Scatter).updates = updates;
-                costs.of(Stage::Scatter).operations = OPERATIONS * updates;
-                costs.of(Stage::OptimiseGrid).bytes = (touched * ENTRY_BYTES) as f64;
-                costs
-            })
+            pool.with(
+                || LevelGradient::new(largest),
+                |gradient| {
+                    let mut clock = Clock::default();
+                    let samples = gradient.scatter(simd, (l, level), positions, gradients, outputs);
+                    clock.lap(Stage::Scatter, 0);
+                    let touched = gradient.update(table, moments, rate, correction);
+                    clock.lap(Stage::OptimiseGrid, 2 * UPDATE_OPERATIONS * touched);
+                    let mut costs = *clock.costs();
+                    let updates = (CORNERS * samples) as f64;
+                    costs.of(Stage::Scatter).updates = updates;
+                    costs.of(Stage::Scatter).operations = OPERATIONS * updates;
+                    costs.of(Stage::OptimiseGrid).bytes = (touched * ENTRY_BYTES) as f64;
+                    costs
+                },
+            )
         };
         let all = tasks.into_par_iter().with_max_len(1).map(one).reduce(Costs::default, |mut a, b| {
             a.add(&b);
@@ -176,55 +170,6 @@ impl HashGrid {
         costs.add_share(all, started.elapsed().as_secs_f64());
         costs
     }
-}
-
-/// Entry indices and trilinear weights of the eight corners of a group of samples.
-struct Corners {
-    index: [[u32; GROUP]; 8],
-    weight: [[f32; GROUP]; 8],
-}
-
-/// Corners around samples `c..c + GROUP` of a tile. Samples outside the cube are moved to its surface.
-#[inline(always)]
-fn corners(level: &GridLevel, positions: &[f32], columns: usize, c: usize) -> Corners {
-    let cells = level.resolution as f32;
-    let last = level.resolution as i32 - 1;
-    let strides = if level.hashed {
-        PRIMES
-    } else {
-        [level.resolution + 1, (level.resolution + 1).wrapping_mul(level.resolution + 1)]
-    };
-    let multipliers = [1, strides[0], strides[1]];
-    let mut offset = [[[0u32; GROUP]; 2]; 3];
-    let mut fraction = [[[0f32; GROUP]; 2]; 3];
-    for axis in 0..3 {
-        let start = axis * columns + c;
-        let x = &positions[start..start + GROUP];
-        for i in 0..GROUP {
-            let scaled = x[i].clamp(0.0, 1.0) * cells;
-            // A position on the upper face belongs to the last cell.
-            let cell = (scaled as i32).min(last);
-            let f = scaled - cell as f32;
-            fraction[axis][0][i] = 1.0 - f;
-            fraction[axis][1][i] = f;
-            let low = (cell as u32).wrapping_mul(multipliers[axis]);
-            offset[axis][0][i] = low;
-            offset[axis][1][i] = low.wrapping_add(multipliers[axis]);
-        }
-    }
-    // The number of entries of a hashed level is a power of two.
-    let mask = level.entries as u32 - 1;
-    let mut corners = Corners { index: [[0; GROUP]; 8], weight: [[0.0; GROUP]; 8] };
-    for corner in 0..8 {
-        let bits = [corner & 1, corner >> 1 & 1, corner >> 2];
-        for i in 0..GROUP {
-            let [x, y, z] = [offset[0][bits[0]][i], offset[1][bits[1]][i], offset[2][bits[2]][i]];
-            corners.index[corner][i] = if level.hashed { (x ^ y ^ z) & mask } else { x + y + z };
-            corners.weight[corner][i] =
-                fraction[0][bits[0]][i] * fraction[1][bits[1]][i] * fraction[2][bits[2]][i];
-        }
-    }
-    corners
 }
 
 #[inline(always)]
@@ -240,14 +185,19 @@ fn encode_level<S: Simd>(
         #[inline(always)]
         || {
             let (row0, row1) = rows.split_at_mut(columns);
+            let mut next = Corners::around(simd, level, positions, columns, 0);
+            next.ask(table, |_| true);
             for c in (0..columns).step_by(GROUP) {
-                let corners = corners(level, positions, columns, c);
+                let here = next;
+                let after = (c + GROUP).min(columns - GROUP);
+                next = Corners::around(simd, level, positions, columns, after);
+                next.ask(table, |_| true);
                 let (row0, row1) = (&mut row0[c..c + GROUP], &mut row1[c..c + GROUP]);
                 for i in 0..GROUP {
                     let mut sum = [0.0; 2];
-                    for corner in 0..8 {
-                        let entry = table[corners.index[corner][i] as usize];
-                        let weight = corners.weight[corner][i];
+                    for corner in 0..CORNERS {
+                        let entry = table[here.index[corner][i] as usize];
+                        let weight = here.weight[corner][i];
                         sum[0] = entry[0].mul_add(weight, sum[0]);
                         sum[1] = entry[1].mul_add(weight, sum[1]);
                     }
@@ -257,76 +207,6 @@ fn encode_level<S: Simd>(
             }
         },
     );
-}
-
-/// Adds the gradients of level `l` to the scratch, and returns how many samples had any.
-#[inline(always)]
-fn scatter_level<S: Simd>(
-    simd: S,
-    (l, level): (usize, &GridLevel),
-    positions: TiledPositions<'_>,
-    gradients: &[f32],
-    outputs: usize,
-    scratch: &mut Scratch,
-) -> usize {
-    let columns = positions.columns;
-    simd.vectorize(
-        #[inline(always)]
-        || {
-            let (gradient, mut samples) = (&mut scratch.gradient[..level.entries], 0);
-            let tiles =
-                positions.data.chunks_exact(3 * columns).zip(gradients.chunks_exact(outputs * columns));
-            for (positions, gradients) in tiles {
-                let (row0, row1) = gradients[2 * l * columns..(2 * l + 2) * columns].split_at(columns);
-                for c in (0..columns).step_by(GROUP) {
-                    let corners = corners(level, positions, columns, c);
-                    for i in 0..GROUP {
-                        let (g0, g1) = (row0[c + i], row1[c + i]);
-                        if g0 == 0.0 && g1 == 0.0 {
-                            continue;
-                        }
-                        samples += 1;
-                        for corner in 0..8 {
-                            let index = corners.index[corner][i] as usize;
-                            let weight = corners.weight[corner][i];
-                            let entry = &mut gradient[index];
-                            entry[0] = g0.mul_add(weight, entry[0]);
-                            entry[1] = g1.mul_add(weight, entry[1]);
-                            scratch.touched[index / 64] |= 1 << (index % 64);
-                        }
-                    }
-                }
-            }
-            samples
-        },
-    )
-}
-
-/// Updates the touched entries in the order of their addresses, clears the scratch, and returns how many they were.
-fn update_touched(
-    scratch: &mut Scratch,
-    table: &mut [Entry],
-    moments: &mut [EntryMoments],
-    rate: f32,
-    correction: &BiasCorrection,
-) -> usize {
-    let mut entries = 0;
-    for (word, touched) in scratch.touched.iter_mut().enumerate() {
-        let mut bits = std::mem::take(touched);
-        entries += bits.count_ones() as usize;
-        while bits != 0 {
-            let index = word * 64 + bits.trailing_zeros() as usize;
-            bits &= bits - 1;
-            let g = std::mem::take(&mut scratch.gradient[index]);
-            let (entry, state) = (&mut table[index], &mut moments[index]);
-            state.updates = state.updates.saturating_add(1);
-            let c = correction.at(state.updates);
-            for f in 0..2 {
-                adam::update(&mut entry[f], &mut state.m[f], &mut state.v[f], g[f], rate, c);
-            }
-        }
-    }
-    entries
 }
 
 #[cfg(test)]

@@ -1,0 +1,73 @@
+//! The corners of the cells that samples lie in.
+
+use fearless_simd::{Simd, f32x16, prelude::*, u32x16};
+use relight_field::parameters::Level as GridLevel;
+
+use super::CORNERS;
+
+/// Samples whose corners are worked out together.
+pub const GROUP: usize = 16;
+
+/// Primes of the spatial hash (Mueller et al. 2022, equation 4); the first is 1.
+const PRIMES: [u32; 2] = [2_654_435_761, 805_459_861];
+
+/// Entry indices and trilinear weights of the eight corners of a group of samples.
+#[derive(Clone, Copy)]
+pub struct Corners {
+    pub index: [[u32; GROUP]; CORNERS],
+    pub weight: [[f32; GROUP]; CORNERS],
+}
+
+impl Corners {
+    /// Corners around samples `c..c + GROUP` of a tile, whose positions are `[3][columns]`. Samples outside the cube are
+    /// moved to its surface.
+    #[inline(always)]
+    pub fn around<S: Simd>(simd: S, level: &GridLevel, positions: &[f32], columns: usize, c: usize) -> Self {
+        let side = level.resolution + 1;
+        let strides = if level.hashed { PRIMES } else { [side, side.wrapping_mul(side)] };
+        let [zero, one, cells] = [0.0, 1.0, level.resolution as f32].map(|v| f32x16::splat(simd, v));
+        let last = u32x16::splat(simd, level.resolution - 1);
+        let axis = |axis: usize, stride: u32| {
+            let start = axis * columns + c;
+            let x = f32x16::from_slice(simd, &positions[start..start + GROUP]);
+            let scaled = x.max(zero).min(one) * cells;
+            // A position on the upper face belongs to the last cell.
+            let cell = scaled.to_int::<u32x16<S>>().min(last);
+            let fraction = scaled - cell.to_float::<f32x16<S>>();
+            let low = cell * u32x16::splat(simd, stride);
+            ([low, low + u32x16::splat(simd, stride)], [one - fraction, fraction])
+        };
+        let [(x, wx), (y, wy), (z, wz)] = [axis(0, 1), axis(1, strides[0]), axis(2, strides[1])];
+        // The number of entries of a hashed level is a power of two.
+        let mask = u32x16::splat(simd, level.entries as u32 - 1);
+        let mut corners = Self { index: [[0; GROUP]; CORNERS], weight: [[0.0; GROUP]; CORNERS] };
+        for corner in 0..CORNERS {
+            let [i, j, k] = [corner & 1, corner >> 1 & 1, corner >> 2];
+            let index = if level.hashed { (x[i] ^ y[j] ^ z[k]) & mask } else { x[i] + y[j] + z[k] };
+            index.store_slice(&mut corners.index[corner]);
+            (wx[i] * wy[j] * wz[k]).store_slice(&mut corners.weight[corner]);
+        }
+        corners
+    }
+
+    /// Asks memory for the entries of all corners of those samples of the group that are `wanted`.
+    #[inline(always)]
+    pub fn ask<E>(&self, entries: &[E], wanted: impl Fn(usize) -> bool) {
+        for i in (0..GROUP).filter(|&i| wanted(i)) {
+            self.index.iter().for_each(|index| ask(entries, index[i] as usize));
+        }
+    }
+}
+
+/// Asks memory for an entry that will be wanted soon, where processors can be asked.
+#[inline(always)]
+pub fn ask<E>(entries: &[E], index: usize) {
+    #[cfg(target_arch = "x86_64")]
+    // SAFETY: a hint, which reads nothing and is harmless whatever the address.
+    unsafe {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        _mm_prefetch::<_MM_HINT_T0>(entries.as_ptr().wrapping_add(index).cast());
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = (entries, index);
+}
