@@ -1,6 +1,8 @@
 //! A coarse picture of where density is, which decides where samples go (the occupancy grid of Instant-NGP,
 //! section 4 of Mueller et al. 2022, holding densities instead of bits).
 
+use std::sync::atomic::{AtomicU8, Ordering};
+
 use rayon::prelude::*;
 use relight_scene::Bounds;
 
@@ -8,14 +10,16 @@ use relight_scene::Bounds;
 const BRICK: usize = 8;
 /// Cells of a brick.
 const BRICK_CELLS: usize = BRICK * BRICK * BRICK;
-/// Codes an octave of density.
-const CODES_AN_OCTAVE: f32 = 8.0;
-/// Base-2 logarithm of the density (per metre) of code 0, which stands for nothing at all.
-const LOWEST_OCTAVE: f32 = -6.0;
+/// Bits of a density that a code does without: its last 20, so that three of the mantissa stay.
+const DROPPED_BITS: u32 = 20;
+/// What stands for nothing at all, in those bits that stay: 1/64 per metre.
+const NOTHING: u32 = (127 - 6) << 3;
 
 /// Densities on a regular grid of cells over the field's box.
 ///
-/// A cell is one byte, the logarithm of its density, so that the grid stays in cache; forgetting is subtraction.
+/// A cell is one byte, a floating-point number with five bits of exponent and three of mantissa, so that the grid stays in
+/// cache; forgetting is subtraction. Any number of threads may show it densities at once: cells only rise, and so come out the
+/// same in any order.
 /// Cells are stored brick by brick, so that a ray meets few cache lines, and each brick knows how far the nearest brick is in
 /// which something is, so that rays step over all that is empty.
 pub struct DensityGrid {
@@ -24,10 +28,10 @@ pub struct DensityGrid {
     /// Shortest edge of a cell, metres.
     cell_size: f32,
     /// Codes; bricks x fastest, and cells within a brick likewise.
-    cells: Vec<u8>,
+    cells: Vec<AtomicU8>,
     /// Bricks from each brick to the nearest one that is not empty, along the axis on which they are farthest apart: 0 for
     /// those themselves, and at most [`FARTHEST`].
-    distance: Vec<u8>,
+    distance: Vec<AtomicU8>,
     /// Optical depth of a cell's edge, by code; 0 for what is too thin to count.
     optical: [f32; 256],
 }
@@ -44,11 +48,12 @@ impl DensityGrid {
         let shortest = (0..3).map(|a| bounds.hi[a] - bounds.lo[a]).fold(f32::INFINITY, f32::min);
         let cell_size = shortest / (bricks * BRICK) as f32;
         let optical = std::array::from_fn(|code| {
-            let depth = (code as f32 / CODES_AN_OCTAVE + LOWEST_OCTAVE).exp2() * cell_size;
+            let depth = f32::from_bits((code as u32 + NOTHING) << DROPPED_BITS) * cell_size;
             if code == 0 || depth < THIN { 0.0 } else { depth }
         });
-        let cells = vec![0; bricks.pow(3) * BRICK_CELLS];
-        let mut grid = Self { bricks, cell_size, cells, distance: vec![0; bricks.pow(3)], optical };
+        let zeros = |n: usize| (0..n).map(|_| AtomicU8::new(0)).collect();
+        let (cells, distance) = (zeros(bricks.pow(3) * BRICK_CELLS), zeros(bricks.pow(3)));
+        let mut grid = Self { bricks, cell_size, cells, distance, optical };
         grid.fill(density);
         grid
     }
@@ -59,15 +64,15 @@ impl DensityGrid {
     }
 
     /// All cells, in the order of storage.
-    pub fn cells(&self) -> &[u8] {
-        &self.cells
+    pub fn cells(&self) -> Vec<u8> {
+        self.cells.iter().map(get).collect()
     }
 
     /// Replaces all cells; false if they are not as many.
     pub fn set_cells(&mut self, cells: &[u8]) -> bool {
         let fits = cells.len() == self.cells.len();
         if fits {
-            self.cells.copy_from_slice(cells);
+            self.cells.iter_mut().zip(cells).for_each(|(mine, &cell)| *mine.get_mut() = cell);
             self.find_distances();
         }
         fits
@@ -76,9 +81,9 @@ impl DensityGrid {
     /// Sets all cells to one density.
     pub fn fill(&mut self, density: f32) {
         let code = code(density);
-        self.cells.fill(code);
         let distance = if self.counts(code) { 0 } else { FARTHEST };
-        self.distance.fill(distance);
+        self.cells.iter_mut().for_each(|cell| *cell.get_mut() = code);
+        self.distance.iter_mut().for_each(|known| *known.get_mut() = distance);
     }
 
     /// The cell of a position in the unit cube; positions outside belong to the nearest.
@@ -101,7 +106,7 @@ impl DensityGrid {
     /// count, if `cell` there is in one: in multiples of its direction, whose [`DensityGrid::brick_crossings`] are
     /// `crossings`.
     pub fn empty_ahead(&self, unit: [f32; 3], cell: usize, crossings: [f32; 3]) -> Option<f32> {
-        let distance = self.distance[cell / BRICK_CELLS];
+        let distance = get(&self.distance[cell / BRICK_CELLS]);
         if distance == 0 {
             return None;
         }
@@ -121,26 +126,26 @@ impl DensityGrid {
 
     /// Optical depth of one step through a cell; 0 where that is too thin to count.
     pub fn optical_depth(&self, cell: usize) -> f32 {
-        self.optical[usize::from(self.cells[cell])]
+        self.optical[usize::from(get(&self.cells[cell]))]
     }
 
     /// Raises a cell to a density (per metre) seen in it.
-    pub fn observe(&mut self, cell: usize, density: f32) {
+    pub fn observe(&self, cell: usize, density: f32) {
         let code = code(density);
-        if code <= self.cells[cell] {
+        if code <= get(&self.cells[cell]) {
             return;
         }
-        self.cells[cell] = code;
+        self.cells[cell].fetch_max(code, Ordering::Relaxed);
         let brick = cell / BRICK_CELLS;
-        if self.distance[brick] > 0 && self.counts(code) {
+        if get(&self.distance[brick]) > 0 && self.counts(code) {
             self.bring_near(brick);
         }
     }
 
-    /// Lets all cells forget: their densities fall by an eighth of an octave (to 92 %).
+    /// Lets all cells forget: their densities fall by about an eighth of an octave (to 92 %).
     pub fn decay(&mut self) {
         self.cells.par_chunks_mut(1 << 16).for_each(|chunk| {
-            chunk.iter_mut().for_each(|c| *c = c.saturating_sub(1));
+            chunk.iter_mut().map(AtomicU8::get_mut).for_each(|c| *c = c.saturating_sub(1));
         });
         self.find_distances();
     }
@@ -151,7 +156,7 @@ impl DensityGrid {
     }
 
     /// Tells the bricks around that this one is no longer empty.
-    fn bring_near(&mut self, brick: usize) {
+    fn bring_near(&self, brick: usize) {
         let (n, far) = (self.bricks, usize::from(FARTHEST) - 1);
         let [x, y, z] = [brick % n, brick / n % n, brick / (n * n)];
         let around = |i: usize| i.saturating_sub(far)..(i + far + 1).min(n);
@@ -159,8 +164,8 @@ impl DensityGrid {
             for near_y in around(y) {
                 let apart = near_z.abs_diff(z).max(near_y.abs_diff(y));
                 for near_x in around(x) {
-                    let distance = &mut self.distance[near_x + n * (near_y + n * near_z)];
-                    *distance = (*distance).min(apart.max(near_x.abs_diff(x)) as u8);
+                    let distance = &self.distance[near_x + n * (near_y + n * near_z)];
+                    distance.fetch_min(apart.max(near_x.abs_diff(x)) as u8, Ordering::Relaxed);
                 }
             }
         }
@@ -170,14 +175,13 @@ impl DensityGrid {
     fn find_distances(&mut self) {
         let Self { bricks, cells, distance, optical, .. } = self;
         distance.par_iter_mut().zip(cells.par_chunks(BRICK_CELLS)).for_each(|(distance, cells)| {
-            let largest = cells.iter().copied().fold(0, u8::max);
-            *distance = if optical[usize::from(largest)] != 0.0 { 0 } else { FARTHEST };
+            let largest = cells.iter().map(get).fold(0, u8::max);
+            *distance.get_mut() = if optical[usize::from(largest)] != 0.0 { 0 } else { FARTHEST };
         });
-        let mut known = vec![0; distance.len()];
         for stride in [1, *bricks, *bricks * *bricks] {
-            known.copy_from_slice(distance);
+            let known: Vec<u8> = distance.iter().map(get).collect();
             for (brick, distance) in distance.iter_mut().enumerate() {
-                let at = brick / stride % *bricks;
+                let (at, distance) = (brick / stride % *bricks, distance.get_mut());
                 for apart in 1..FARTHEST {
                     let step = usize::from(apart);
                     let before = if at >= step { known[brick - step * stride] } else { FARTHEST };
@@ -189,9 +193,15 @@ impl DensityGrid {
     }
 }
 
+fn get(byte: &AtomicU8) -> u8 {
+    byte.load(Ordering::Relaxed)
+}
+
 /// The code of a density (per metre).
 fn code(density: f32) -> u8 {
-    ((density.log2() - LOWEST_OCTAVE) * CODES_AN_OCTAVE).round() as u8
+    // To the nearest; what is not a number is nothing.
+    let kept = (density.max(0.0).to_bits() + (1 << (DROPPED_BITS - 1))) >> DROPPED_BITS;
+    kept.saturating_sub(NOTHING).min(255) as u8
 }
 
 #[cfg(test)]
@@ -231,7 +241,7 @@ mod tests {
                     prop_assert!((ahead - expected).abs() <= 1e-4 * (1.0 + expected), "{} {}", ahead, expected);
                 }
                 // Found anew, distances are what they had become one by one.
-                let cells = grid.cells().to_vec();
+                let cells = grid.cells();
                 grid.fill(5.0);
                 grid.set_cells(&cells);
             }
@@ -240,7 +250,7 @@ mod tests {
 
     /// A grid of eight bricks an axis that is empty but for a cell in each of these.
     fn of_bricks(bricks: &[[usize; 3]]) -> DensityGrid {
-        let mut grid = DensityGrid::uniform(&BOUNDS, 64, 0.0);
+        let grid = DensityGrid::uniform(&BOUNDS, 64, 0.0);
         for brick in bricks {
             let cell = grid.cell(brick.map(|b| (b as f32 + 0.6) / 8.0));
             grid.observe(cell, 1000.0);
@@ -264,7 +274,7 @@ mod tests {
 
     /// Whether a density is another's, as well as a cell can tell.
     fn is(density: f32, expected: f32) -> bool {
-        (density / expected).log2().abs() <= 0.51 / CODES_AN_OCTAVE
+        (density / expected - 1.0).abs() <= 0.0626
     }
 
     #[test]
@@ -291,12 +301,12 @@ mod tests {
     #[test]
     fn densities_of_all_magnitudes_are_kept_and_extremes_are_harmless() {
         for expected in [0.1, 1.0, 7.3, 500.0, 1e5, 1e7] {
-            let mut grid = grid(0.0);
+            let grid = grid(0.0);
             grid.observe(9, expected);
             assert!(is(density(&grid, 9), expected), "{expected}");
         }
         for nothing in [0.0, -1.0, f32::NAN, 1e-30] {
-            let mut grid = grid(nothing);
+            let grid = grid(nothing);
             grid.observe(9, nothing);
             assert_eq!(grid.optical_depth(9), 0.0, "{nothing}");
         }
@@ -308,7 +318,7 @@ mod tests {
 
     #[test]
     fn observing_raises_a_cell_and_never_lowers_it() {
-        let mut grid = grid(3.0);
+        let grid = grid(3.0);
         let (cell, neighbour) = (grid.cell(middle([3, 4, 5])), grid.cell(middle([4, 4, 5])));
         grid.observe(cell, 2.0);
         assert!(is(density(&grid, cell), 3.0));
@@ -334,18 +344,18 @@ mod tests {
         for _ in 0..256 {
             grid.decay();
         }
-        assert_eq!(grid.cells(), vec![0; 4096]);
+        assert_eq!(grid.cells(), [0; 4096]);
         assert_eq!(grid.optical_depth(cell), 0.0);
     }
 
     #[test]
     fn cells_return_as_they_were() {
-        let mut grid = grid(3.0);
+        let grid = grid(3.0);
         grid.observe(100, 9.0);
         let mut other = self::grid(0.0);
         assert!(!other.set_cells(&grid.cells()[1..]));
         assert_eq!(other.optical_depth(100), 0.0);
-        assert!(other.set_cells(grid.cells()));
+        assert!(other.set_cells(&grid.cells()));
         assert_eq!(other.cells(), grid.cells());
         assert_eq!(other.optical_depth(100), grid.optical_depth(100));
     }

@@ -151,7 +151,7 @@ impl Engine for CpuEngine {
     }
 
     fn guide(&self) -> Vec<u8> {
-        self.density.cells().to_vec()
+        self.density.cells()
     }
 
     fn set_guide(&mut self, guide: &[u8]) -> Result<(), EngineError> {

@@ -220,7 +220,7 @@ mod tests {
             occupied in proptest::collection::vec(0usize..4096, 0..1000),
         ) {
             let cube = UnitCube::new(&BOUNDS);
-            let mut grid = DensityGrid::uniform(&BOUNDS, 16, 0.0);
+            let grid = DensityGrid::uniform(&BOUNDS, 16, 0.0);
             // Densities of all kinds beside each other.
             occupied.iter().for_each(|&cell| grid.observe(cell, density * (1 + cell % 7) as f32));
             let (near, far) = cube.clip(origin, direction);
@@ -240,7 +240,7 @@ mod tests {
             occupied in proptest::collection::vec(0usize..4096, 0..40), density in 0.1f32..10.0,
         ) {
             let cube = UnitCube::new(&BOUNDS);
-            let mut grid = DensityGrid::uniform(&BOUNDS, 16, 0.0);
+            let grid = DensityGrid::uniform(&BOUNDS, 16, 0.0);
             occupied.iter().for_each(|&cell| grid.observe(cell, density));
             let (ray, span) = ((origin, direction), cube.clip(origin, direction));
             let plain = is_clear_cell_by_cell(&grid, &cube, ray, span);
@@ -252,7 +252,7 @@ mod tests {
             (background, seen) in occupied(), origin in origin(), direction in direction(),
             n in 2usize..64, seed in proptest::option::of(any::<u64>()),
         ) {
-            let mut grid = DensityGrid::uniform(&BOUNDS, 16, background);
+            let grid = DensityGrid::uniform(&BOUNDS, 16, background);
             seen.into_iter().for_each(|(cell, density)| grid.observe(cell, density));
             let cube = UnitCube::new(&BOUNDS);
             let span = cube.clip(origin, direction);
@@ -286,7 +286,7 @@ mod tests {
     #[test]
     fn guided_samples_gather_at_a_dense_slab() {
         let cube = UnitCube::new(&BOUNDS);
-        let mut grid = DensityGrid::uniform(&BOUNDS, 64, 0.0);
+        let grid = DensityGrid::uniform(&BOUNDS, 64, 0.0);
         for i in 0..64 * 64 {
             let cell = grid.cell([(i % 64) as f32 / 64.0, (i / 64) as f32 / 64.0, 0.5]);
             grid.observe(cell, 500.0);

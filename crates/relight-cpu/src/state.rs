@@ -32,7 +32,7 @@ pub fn save(
     let means = [shadow, imagined, field].into_iter().flat_map(|mean| [mean.sum, mean.count]);
     let means = means.chain([least]).collect();
     state.insert("probes".into(), StateTensor::F32(means));
-    state.insert("density".into(), StateTensor::U8(density.cells().to_vec()));
+    state.insert("density".into(), StateTensor::U8(density.cells()));
     state
 }
 

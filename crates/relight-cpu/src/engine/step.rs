@@ -320,15 +320,14 @@ impl CpuEngine {
         if step % DENSITY_DECAY == DENSITY_DECAY - 1 {
             self.density.decay();
         }
-        let (columns, batch) = (self.batch.columns, &self.batch);
-        for tile in 0..batch.tiles(rays) {
-            let positions = &batch.positions[3 * tile * columns..3 * (tile + 1) * columns];
+        let (columns, batch, grid) = (self.batch.columns, &self.batch, &self.density);
+        let tiles = batch.positions.par_chunks(3 * columns).zip(self.densities.par_chunks(columns));
+        tiles.enumerate().for_each(|(tile, (positions, densities))| {
             let used = batch.range(rays, tile).len() * batch.samples;
-            for c in 0..used {
-                let cell = self.density.cell([0, 1, 2].map(|a| positions[a * columns + c]));
-                self.density.observe(cell, self.densities[tile * columns + c]);
+            for (c, &density) in densities[..used].iter().enumerate() {
+                grid.observe(grid.cell([0, 1, 2].map(|a| positions[a * columns + c])), density);
             }
-        }
+        });
     }
 }
 
