@@ -2,7 +2,7 @@
 //! rays that cross a surface.
 use divan::counter::ItemsCount;
 use fearless_simd::Level;
-use relight_cpu::adam::BiasCorrection;
+use relight_cpu::adam::Adam;
 use relight_cpu::hash_grid::{HashGrid, TiledPositions};
 use relight_field::parameters::GridConfig;
 use relight_field::random::Random;
@@ -49,8 +49,8 @@ fn encode(bencher: divan::Bencher<'_, '_>) {
 fn scatter_and_adam(bencher: divan::Bencher<'_, '_>) {
     let (mut grid, data, level) = (grid(), positions(), Level::new());
     let gradients = vec![1e-3; TILES * 32 * COLUMNS];
-    let correction = BiasCorrection::default();
+    let adam = Adam::new(0.999);
     bencher.counter(ItemsCount::new(TILES * COLUMNS)).bench_local(|| {
-        grid.step(level, TiledPositions { data: &data, columns: COLUMNS }, &gradients, 1e-3, &correction);
+        grid.step(level, TiledPositions { data: &data, columns: COLUMNS }, &gradients, 1e-3, &adam);
     });
 }

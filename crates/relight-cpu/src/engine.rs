@@ -12,7 +12,7 @@ use relight_field::engine::{
 use relight_field::parameters::{FieldConfig, Parameters};
 use relight_field::sampling::{EngineConfig, Sampling};
 
-use crate::adam::{BiasCorrection, Moments};
+use crate::adam::{Adam, Moments};
 use crate::density_grid::DensityGrid;
 use crate::experience::Experience;
 use crate::hash_grid::HashGrid;
@@ -41,7 +41,7 @@ pub struct CpuEngine {
     pub(crate) grid: HashGrid,
     networks: Networks,
     moments: [Moments; 3],
-    correction: BiasCorrection,
+    adam: Adam,
     density: DensityGrid,
     batch: SampleBatch,
     shadow_batch: SampleBatch,
@@ -79,7 +79,7 @@ impl CpuEngine {
             grid: HashGrid::new(&field.grid, &parameters.table),
             moments: gradients.parts().map(|g| Moments::new(g.len())),
             networks,
-            correction: BiasCorrection::default(),
+            adam: Adam::new(config.beta2),
             density: DensityGrid::uniform(&field.bounds, DENSITY_RESOLUTION, field.density_scale),
             batch: SampleBatch::default(),
             shadow_batch: SampleBatch::default(),

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use relight_field::engine::StageCost;
 use relight_field::parameters::{GridConfig, Level as GridLevel};
 
-use crate::adam::{BiasCorrection, UPDATE_OPERATIONS};
+use crate::adam::{Adam, UPDATE_OPERATIONS};
 use crate::pool::Pool;
 use crate::stages::{Clock, Costs, Stage};
 use corners::{Corners, GROUP};
@@ -128,7 +128,7 @@ impl HashGrid {
         positions: TiledPositions<'_>,
         gradients: &[f32],
         rate: f32,
-        correction: &BiasCorrection,
+        adam: &Adam,
     ) -> Costs {
         let started = Instant::now();
         let (outputs, largest) = (self.outputs(), self.largest);
@@ -151,7 +151,7 @@ impl HashGrid {
                     let mut clock = Clock::default();
                     let samples = gradient.scatter(simd, (l, level), positions, gradients, outputs);
                     clock.lap(Stage::Scatter, 0);
-                    let touched = gradient.update(table, moments, rate, correction);
+                    let touched = gradient.update(table, moments, rate, adam);
                     clock.lap(Stage::OptimiseGrid, 2 * UPDATE_OPERATIONS * touched);
                     let mut costs = *clock.costs();
                     let updates = (CORNERS * samples) as f64;
@@ -287,12 +287,12 @@ mod tests {
         let plain = reference::HashGrid::new(&config);
         let data = tiled(3, |sample, axis| positions[sample][axis]);
         let positions_tiled = TiledPositions { data: &data, columns: COLUMNS };
-        let (random, rate, correction) = (Random::new(5, 2), 0.01, BiasCorrection::default());
+        let (random, rate, adam) = (Random::new(5, 2), 0.01, Adam::new(0.999));
         let outputs = 2 * config.levels;
         for level in levels() {
             let mut grid = HashGrid::new(&config, &before);
             let mut updates = vec![0u32; config.entries()];
-            let mut adam: Vec<[f64; 3]> = before.iter().map(|&w| [f64::from(w), 0.0, 0.0]).collect();
+            let mut expected: Vec<[f64; 3]> = before.iter().map(|&w| [f64::from(w), 0.0, 0.0]).collect();
             // Other samples each time: what one step leaves behind must not leak into the next. Those before the
             // 20th lie on vertices, whose neighbours they touch with weight zero.
             for samples in [20..25, 40..50, 22..42] {
@@ -305,7 +305,7 @@ mod tests {
                             if samples.contains(&sample) { value(sample, row) } else { 0.0 }
                         },
                     );
-                grid.step(level, positions_tiled, &gradients, rate, &correction);
+                grid.step(level, positions_tiled, &gradients, rate, &adam);
 
                 let mut gradient = vec![0.0; before.len()];
                 for sample in samples {
@@ -318,7 +318,7 @@ mod tests {
                     }
                     updates[entry] += 1;
                     let n = updates[entry] as i32;
-                    for ([w, m, v], g) in adam[2 * entry..2 * entry + 2].iter_mut().zip(g) {
+                    for ([w, m, v], g) in expected[2 * entry..2 * entry + 2].iter_mut().zip(g) {
                         *m = 0.9 * *m + 0.1 * g;
                         *v = 0.999 * *v + 0.001 * g * g;
                         let (m, v) = (*m / (1.0 - 0.9f64.powi(n)), *v / (1.0 - 0.999f64.powi(n)));
@@ -330,7 +330,7 @@ mod tests {
             assert_eq!(counted, updates, "{level:?}");
             let touched = updates.iter().filter(|&&n| n > 0).count();
             assert!(touched > 100 && touched < config.entries(), "{touched}");
-            for (i, [plain_w, plain_m, plain_v]) in adam.into_iter().enumerate() {
+            for (i, [plain_w, plain_m, plain_v]) in expected.into_iter().enumerate() {
                 let weight = grid.table.as_flattened()[i];
                 if updates[i / 2] == 0 {
                     assert_eq!((weight.to_bits(), m[i], v[i]), (before[i].to_bits(), 0.0, 0.0));

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use relight_field::architecture::{Architecture, EMBEDDING, EmbeddingEntry, HARMONICS, HIDDEN};
 use relight_field::parameters::Parameters;
 
-use crate::adam::{BiasCorrection, Moments};
+use crate::adam::{Adam, Moments};
 use crate::mlp::Mlp;
 
 /// Weights whose gradients one thread sums.
@@ -84,17 +84,11 @@ impl Networks {
     }
 
     /// One optimiser step of all three.
-    pub fn step(
-        &mut self,
-        gradients: &Gradients,
-        moments: &mut [Moments; 3],
-        rate: f32,
-        correction: &BiasCorrection,
-    ) {
+    pub fn step(&mut self, gradients: &Gradients, moments: &mut [Moments; 3], rate: f32, adam: &Adam) {
         let networks = [Some(&mut self.geo), Some(&mut self.rgb), self.vis.as_mut()];
         for ((network, gradient), moments) in networks.into_iter().zip(gradients.parts()).zip(moments) {
             if let Some(network) = network {
-                moments.step(network.weights_mut(), gradient, rate, correction);
+                moments.step(network.weights_mut(), gradient, rate, adam);
                 network.refresh();
             }
         }

@@ -21,9 +21,9 @@ use crate::shade::CodedLight;
 use crate::tile::Workspace;
 
 /// Samples of a shadow ray.
-const SHADOW_SAMPLES: usize = 12;
+const SHADOW_SAMPLES: usize = 6;
 /// Shadow rays a tile.
-const TILE_RAYS: usize = 16;
+const TILE_RAYS: usize = 32;
 /// Cells of the density grid between a surface and the start of its shadow rays, lest it shade itself.
 const CLEARANCE: f32 = 1.5;
 /// Pairs darker than this share of a ray's brightest may lie in shadow, and tell nothing of light.

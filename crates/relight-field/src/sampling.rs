@@ -33,12 +33,14 @@ pub enum Shading {
 }
 
 /// Everything fixed about an engine beside its field.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EngineConfig {
     /// How samples are placed.
     pub sampling: Sampling,
     /// Where colour is decoded.
     pub shading: Shading,
+    /// Adam's `beta2`, the decay of its second moments (Kingma and Ba 2015): in 0..1.
+    pub beta2: f64,
     /// With the step's number, decides every random draw.
     pub seed: u64,
 }

@@ -54,6 +54,8 @@ pub struct Recipe {
     /// Samples whose gradients are shorter than this many times the mean are left out at random when gradients go back
     /// to the grid, while those that stay count more; 0 leaves none out.
     pub roulette: f64,
+    /// Adam's decay of second moments, in 0..1.
+    pub beta2: f64,
     /// Adam's learning rate.
     pub learning_rate: Schedule,
     /// Weight of the penalty on ray weight far from the depth that stereo expects.
@@ -70,7 +72,7 @@ pub struct Recipe {
 
 impl Recipe {
     /// The published recipe (paper, section 4.3): 4096 rays over all images, one light each; 128 stratified and 128
-    /// importance samples; Adam at a constant 1e-2; L2 alone; until 10 epochs bring no improvement. Where the paper is
+    /// importance samples; Adam at a constant 1e-2, its decays torch's own; L2 alone; until 10 epochs bring no improvement. Where the paper is
     /// silent: colour at every sample that weighs more than 1e-4 and a density of 1 at logit zero in a box of edge 2,
     /// both as torch-ngp has them; the last sample of a ray is opaque, and what lies beyond the box is painted there.
     pub fn paper() -> Self {
@@ -92,6 +94,7 @@ impl Recipe {
             sampling: Sampling::Stratified { coarse: 128, fine: 128 },
             shading: Shading::PerSample,
             roulette: 0.0,
+            beta2: 0.999,
             learning_rate: Schedule::Constant(1e-2),
             depth_weight: Schedule::Constant(0.0),
             probe_weight: Schedule::Constant(0.0),
@@ -104,7 +107,7 @@ impl Recipe {
     /// and light, and depths from stereo to start the geometry.
     pub fn fast() -> Self {
         Self {
-            rays_per_step: 512,
+            rays_per_step: 256,
             lights_per_ray: 8,
             light_shift: 0.4,
             probes_per_ray: 4,
@@ -112,15 +115,16 @@ impl Recipe {
             stereo: true,
             density_scale: 0.1,
             depth_margin: 0.015,
-            horizon: 30_000,
-            epoch: Some(1000),
+            horizon: 60_000,
+            epoch: Some(2000),
             patience: 5,
             improvement: 0.02,
             validation_pixels: 250_000,
-            report_every: 50,
+            report_every: 100,
             sampling: Sampling::Guided { samples: 12 },
             shading: Shading::Deferred,
             roulette: 1.5,
+            beta2: 0.99,
             learning_rate: Schedule::Exponential { from: 1e-2, to: 3e-4 },
             depth_weight: Schedule::Linear { from: 0.1, to: 0.0, start: 0.0, end: 0.25 },
             probe_weight: Schedule::Linear { from: 0.0, to: 0.8, start: 0.15, end: 0.2 },
@@ -171,6 +175,9 @@ impl Recipe {
         }
         if !(self.roulette.is_finite() && (0.0..=16.0).contains(&self.roulette)) {
             return fault("roulette", "0 to 16 times the mean");
+        }
+        if !(self.beta2 > 0.0 && self.beta2 < 1.0 && (self.beta2 as f32) < 1.0) {
+            return fault("beta2", "between 0 and 1");
         }
         if self.probes_per_ray > 64 {
             return fault("probes-per-ray", "at most 64");
@@ -249,6 +256,10 @@ mod tests {
         assert!(recipe.validate().unwrap_err().to_string().contains("rays-per-step times"));
         let recipe = Recipe { probes_per_ray: usize::MAX, ..Recipe::fast() };
         assert!(recipe.validate().unwrap_err().to_string().contains("probes-per-ray"));
+        for beta2 in [0.0, 1.0, 1.0 - 1e-12, f64::NAN] {
+            let recipe = Recipe { beta2, ..Recipe::fast() };
+            assert!(recipe.validate().unwrap_err().to_string().contains("beta2"));
+        }
         let recipe = Recipe { roulette: f64::NAN, ..Recipe::fast() };
         assert!(recipe.validate().unwrap_err().to_string().contains("roulette"));
         let recipe = Recipe { rays_per_step: 0, ..Recipe::fast() };

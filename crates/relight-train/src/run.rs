@@ -78,6 +78,7 @@ impl RunConfig {
         EngineConfig {
             sampling: self.recipe.sampling,
             shading: self.recipe.shading,
+            beta2: self.recipe.beta2,
             seed: u64::from(self.seed),
         }
     }

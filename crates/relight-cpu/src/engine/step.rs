@@ -142,7 +142,7 @@ impl CpuEngine {
             self.experience.observe_field(stats.loss);
         }
         let (rate, stepping) = (settings.learning_rate, Instant::now());
-        self.networks.step(&self.lanes[0].gradients, &mut self.moments, rate, &self.correction);
+        self.networks.step(&self.lanes[0].gradients, &mut self.moments, rate, &self.adam);
         optimising += stepping.elapsed();
         let weights: usize = self.moments.iter().map(|moments| moments.m.len()).sum();
         self.costs.of(Stage::OptimiseNetworks).add(&StageCost {
@@ -152,7 +152,7 @@ impl CpuEngine {
             ..StageCost::default()
         });
         let positions = self.batch.positions();
-        let costs = self.grid.step(self.simd, positions, &self.feature_gradients, rate, &self.correction);
+        let costs = self.grid.step(self.simd, positions, &self.feature_gradients, rate, &self.adam);
         self.costs.add(&costs);
         Ok(stats)
     }

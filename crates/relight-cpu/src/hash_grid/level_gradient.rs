@@ -5,7 +5,7 @@ use relight_field::parameters::Level as GridLevel;
 
 use super::corners::{Corners, GROUP, ask};
 use super::{CORNERS, Entry, EntryMoments, TiledPositions};
-use crate::adam::{self, BiasCorrection};
+use crate::adam::Adam;
 
 /// Entries that are asked of memory before their turn to be updated.
 const UPDATES_AHEAD: usize = 16;
@@ -91,7 +91,7 @@ impl LevelGradient {
         table: &mut [Entry],
         moments: &mut [EntryMoments],
         rate: f32,
-        correction: &BiasCorrection,
+        adam: &Adam,
     ) -> usize {
         self.list.clear();
         for (word, touched) in self.touched.iter_mut().enumerate() {
@@ -110,9 +110,9 @@ impl LevelGradient {
             let g = std::mem::take(&mut self.gradient[index]);
             let (entry, state) = (&mut table[index], &mut moments[index]);
             state.updates = state.updates.saturating_add(1);
-            let c = correction.at(state.updates);
+            let c = adam.corrections(state.updates);
             for f in 0..2 {
-                adam::update(&mut entry[f], &mut state.m[f], &mut state.v[f], g[f], rate, c);
+                adam.update(&mut entry[f], [&mut state.m[f], &mut state.v[f]], g[f], rate, c);
             }
         }
         self.list.len()

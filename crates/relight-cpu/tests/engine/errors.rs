@@ -7,8 +7,12 @@ use relight_field::sampling::{EngineConfig, Sampling, Shading};
 
 use crate::common::*;
 
-const CONFIG: EngineConfig =
-    EngineConfig { sampling: Sampling::Guided { samples: 4 }, shading: Shading::Deferred, seed: 0 };
+const CONFIG: EngineConfig = EngineConfig {
+    sampling: Sampling::Guided { samples: 4 },
+    shading: Shading::Deferred,
+    beta2: 0.999,
+    seed: 0,
+};
 const SETTINGS: StepSettings = StepSettings {
     step: 0,
     learning_rate: 0.01,

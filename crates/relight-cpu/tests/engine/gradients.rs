@@ -1,7 +1,7 @@
 //! One tile after the other, forward and backward, against the oracle in double precision, for the same samples.
 
 use fearless_simd::Level;
-use relight_cpu::adam::{BETA1, BiasCorrection};
+use relight_cpu::adam::{Adam, BETA1};
 use relight_cpu::hash_grid::HashGrid;
 use relight_cpu::samples::{Jitter, SampleBatch};
 use relight_cpu::tile::{Regularisers, Workspace};
@@ -87,7 +87,7 @@ fn ours(
     }
     // The first moment after the first step is the gradient, but for a factor.
     let mut grid = HashGrid::new(&parameters.config.grid, &parameters.table);
-    grid.step(simd, samples.positions(), &by_feature, 0.01, &BiasCorrection::default());
+    grid.step(simd, samples.positions(), &by_feature, 0.01, &Adam::new(0.999));
     let table = grid.moments().0.iter().map(|m| m / (1.0 - BETA1)).collect();
     let mut tensors = vec![table];
     let networks = [Some(&parameters.geo), Some(&parameters.rgb), parameters.vis.as_ref()];

@@ -14,7 +14,7 @@ use crate::common::*;
 const SAMPLING: Sampling = Sampling::Stratified { coarse: 9, fine: 6 };
 
 fn config(sampling: Sampling, shading: Shading) -> EngineConfig {
-    EngineConfig { sampling, shading, seed: 3 }
+    EngineConfig { sampling, shading, beta2: 0.999, seed: 3 }
 }
 
 /// Relative difference, of numbers that are not nearly zero.

@@ -10,10 +10,16 @@ use crate::common::*;
 
 /// The fast recipe's way and the paper's.
 const CONFIGS: [EngineConfig; 2] = [
-    EngineConfig { sampling: Sampling::Guided { samples: 9 }, shading: Shading::Deferred, seed: 11 },
+    EngineConfig {
+        sampling: Sampling::Guided { samples: 9 },
+        shading: Shading::Deferred,
+        beta2: 0.999,
+        seed: 11,
+    },
     EngineConfig {
         sampling: Sampling::Stratified { coarse: 5, fine: 4 },
         shading: Shading::PerSample,
+        beta2: 0.99,
         seed: 11,
     },
 ];

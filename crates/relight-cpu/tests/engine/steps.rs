@@ -61,7 +61,7 @@ fn three_steps_follow_the_oracles_gradients() {
     for (name, architecture, shading) in cases() {
         // A second pass puts samples so close together that some of them are too light to be shaded.
         let sampling = Sampling::Stratified { coarse: 12, fine: 0 };
-        let config = EngineConfig { sampling, shading, seed: SEED };
+        let config = EngineConfig { sampling, shading, beta2: 0.999, seed: SEED };
         let mut engine = CpuEngine::new(&field(architecture), config).unwrap();
         let mut moments: [Vec<[f64; 2]>; 4] =
             groups(&engine.parameters().unwrap()).map(|g| vec![[0.0; 2]; g.len()]);
@@ -124,7 +124,8 @@ fn training_lowers_the_loss() {
     for sampling in [Sampling::Guided { samples: 16 }, Sampling::Stratified { coarse: 8, fine: 8 }] {
         for shading in SHADINGS {
             let mut engine =
-                CpuEngine::new(&field(V5), EngineConfig { sampling, shading, seed: SEED }).unwrap();
+                CpuEngine::new(&field(V5), EngineConfig { sampling, shading, beta2: 0.999, seed: SEED })
+                    .unwrap();
             let mut loss = |steps: std::ops::Range<u64>| {
                 steps.map(|step| engine.train_step(&batch, &settings(step)).unwrap().loss).last().unwrap()
             };
@@ -138,8 +139,12 @@ fn training_lowers_the_loss() {
 #[test]
 fn probes_that_nobody_trusts_change_nothing() {
     let batch = batch(40, 3);
-    let config =
-        EngineConfig { sampling: Sampling::Guided { samples: 12 }, shading: SHADINGS[0], seed: SEED };
+    let config = EngineConfig {
+        sampling: Sampling::Guided { samples: 12 },
+        shading: SHADINGS[0],
+        beta2: 0.999,
+        seed: SEED,
+    };
     let [without, distrusted] = [(0.0, 0.005), (0.7, 0.0)].map(|(probe_weight, least)| {
         let parameters = field(V5);
         let mut engine = CpuEngine::new(&parameters, config).unwrap();
@@ -164,7 +169,12 @@ fn stages_count_what_a_step_takes() {
     let (n, samples) = (40, 12);
     let batch = batch(n, 3);
     let parameters = field(V5);
-    let config = EngineConfig { sampling: Sampling::Guided { samples }, shading: SHADINGS[0], seed: SEED };
+    let config = EngineConfig {
+        sampling: Sampling::Guided { samples },
+        shading: SHADINGS[0],
+        beta2: 0.999,
+        seed: SEED,
+    };
     let mut engine = CpuEngine::new(&parameters, config).unwrap();
     let started = std::time::Instant::now();
     for step in 0..2 {
@@ -212,7 +222,8 @@ fn photographed_probes_count_as_further_pairs() {
         StepSettings { depth_weight: 0.0, distortion_weight: 0.0, probe_weight: 4.0 / 3.0, ..settings(0) };
     for shading in SHADINGS {
         let sampling = Sampling::Stratified { coarse: 12, fine: 0 };
-        let mut engine = CpuEngine::new(&field(V5), EngineConfig { sampling, shading, seed: SEED }).unwrap();
+        let mut engine =
+            CpuEngine::new(&field(V5), EngineConfig { sampling, shading, beta2: 0.999, seed: SEED }).unwrap();
         let before = engine.parameters().unwrap();
         let mut samples = SampleBatch::default();
         let jitter = Jitter(Some(Random::new(SEED, 0)));

@@ -134,7 +134,12 @@ impl<R: Real> Engine for ReferenceEngine<R> {
                 return Err(non_finite(format!("the gradient of {name}")));
             }
         }
-        self.adam.step(&mut self.field.parameters, &evaluation.gradient, settings.learning_rate);
+        self.adam.step(
+            &mut self.field.parameters,
+            &evaluation.gradient,
+            settings.learning_rate,
+            self.config.beta2,
+        );
         Ok(StepStats {
             loss: evaluation.colour.to_f64(),
             rays: samples.len(),

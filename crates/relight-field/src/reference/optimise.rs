@@ -6,8 +6,6 @@ use crate::real::Real;
 
 /// Decay of the first moment.
 const BETA1: f64 = 0.9;
-/// Decay of the second moment.
-const BETA2: f64 = 0.999;
 /// Added to the root of the second moment: torch-ngp's, small beside the tiny gradients of table entries.
 const EPSILON: f64 = 1e-15;
 
@@ -32,8 +30,14 @@ impl<R: Real> Adam<R> {
         Self { first: zero.clone(), second: zero, steps: 0, updates }
     }
 
-    /// One update of the parameters against the gradient.
-    pub fn step(&mut self, parameters: &mut Parameters<R>, gradient: &Parameters<R>, learning_rate: f32) {
+    /// One update of the parameters against the gradient; `beta2` is the decay of the second moment.
+    pub fn step(
+        &mut self,
+        parameters: &mut Parameters<R>,
+        gradient: &Parameters<R>,
+        learning_rate: f32,
+        beta2: f64,
+    ) {
         self.steps = self.steps.saturating_add(1);
         let features = parameters.config.grid.features;
         let weights = parameters.tensors_mut().into_iter().zip(gradient.tensors());
@@ -42,8 +46,8 @@ impl<R: Real> Adam<R> {
             let mut update = |range: std::ops::Range<usize>, count: u32| {
                 let count = f64::from(count);
                 let rate = R::from_f64(f64::from(learning_rate) / (1.0 - BETA1.powf(count)));
-                let correction = R::from_f64(1.0 / (1.0 - BETA2.powf(count)));
-                let (b1, b2) = (R::from_f64(BETA1), R::from_f64(BETA2));
+                let correction = R::from_f64(1.0 / (1.0 - beta2.powf(count)));
+                let (b1, b2) = (R::from_f64(BETA1), R::from_f64(beta2));
                 for i in range {
                     let g = gradient[i];
                     first[i] = b1 * first[i] + (R::ONE - b1) * g;
@@ -151,7 +155,7 @@ mod tests {
         for step in &golden.gradients {
             let mut gradient = parameters.map(|_| 0.0);
             gradient.table[..numbers].copy_from_slice(step.as_flattened());
-            adam.step(&mut parameters, &gradient, 1e-2);
+            adam.step(&mut parameters, &gradient, 1e-2, 0.999);
         }
         for (ours, theirs) in parameters.table.iter().zip(golden.end.as_flattened()) {
             assert!((ours - theirs).abs() < 1e-12, "{ours} {theirs}");
@@ -166,7 +170,7 @@ mod tests {
         let mut adam = Adam::new(&parameters);
         let gradient = parameters.map(|w| if w > 0.0 { 3.0 } else { -7.0 });
         for _ in 0..5 {
-            adam.step(&mut parameters, &gradient, 0.125);
+            adam.step(&mut parameters, &gradient, 0.125, 0.999);
         }
         for (after, before) in parameters.tensors().into_iter().zip(start.tensors()) {
             for (a, b) in after.2.iter().zip(before.2) {
@@ -180,7 +184,7 @@ mod tests {
         let mut parameters = parameters();
         let mut adam = Adam::new(&parameters);
         let gradient = parameters.map(|w| f64::from(w as f32));
-        adam.step(&mut parameters, &gradient, 0.1);
+        adam.step(&mut parameters, &gradient, 0.1, 0.999);
         let state = adam.state();
         let restored = Adam::restore(&parameters, &state).unwrap();
         assert_eq!(restored.state(), state);

@@ -132,6 +132,7 @@ fn field_values<R: Real>(tolerance: f64) {
         let engine_config = EngineConfig {
             sampling: Sampling::Stratified { coarse: 4, fine: 4 },
             shading: Shading::PerSample,
+            beta2: 0.999,
             seed: 0,
         };
         let parameters = trained(config(architecture), golden.seed);

@@ -13,6 +13,7 @@ use crate::tiny::{batch, config, settings, trained};
 const ENGINE: EngineConfig = EngineConfig {
     sampling: Sampling::Stratified { coarse: 8, fine: 8 },
     shading: Shading::PerSample,
+    beta2: 0.999,
     seed: 4,
 };
 
