@@ -11,6 +11,8 @@ const UNIFORM_SHARE: f32 = 0.15;
 const UNIFORM_SHARE_DRAWING: f32 = 0.02;
 /// Largest opacity a cell may claim when samples are placed: some must fall behind a surface that may be wrong.
 const OPACITY_LIMIT: f32 = 0.5;
+/// The same when drawing pictures.
+const OPACITY_LIMIT_DRAWING: f32 = 0.35;
 /// Optical depth, by the density grid, below which a shadow ray counts as clear.
 const SHADING: f32 = 0.05;
 /// Cells that a ray looks at, at most; a ray through a cubic box meets fewer.
@@ -125,13 +127,17 @@ pub fn guided(
     scratch.occupied.clear();
     let (o, mut limited, mut depth) = (cube.map(origin), 1f32, 0f32);
     let d = cube.map_direction(direction);
+    let (least, limit) = match jitter {
+        Some(_) => (UNIFORM_SHARE, OPACITY_LIMIT),
+        None => (UNIFORM_SHARE_DRAWING, OPACITY_LIMIT_DRAWING),
+    };
     for (b, optical) in optical_depths(grid, (o, d), (near, step, bins)) {
         let optical = optical * stretch;
         if optical == 0.0 {
             continue;
         }
         depth += optical;
-        let alpha = (1.0 - (-optical).exp()).min(OPACITY_LIMIT);
+        let alpha = (1.0 - (-optical).exp()).min(limit);
         // A surface may lie just outside the cell that knows of it.
         for near_by in b.saturating_sub(1)..(b + 2).min(bins) {
             scratch.raise(near_by, limited * alpha);
@@ -142,7 +148,6 @@ pub fn guided(
         }
     }
     let total: f32 = scratch.occupied.iter().map(|(_, chance)| chance).sum();
-    let least = if jitter.is_some() { UNIFORM_SHARE } else { UNIFORM_SHARE_DRAWING };
     let uniform = if total > 0.0 { least + (1.0 - least) * (-depth).exp() } else { 1.0 };
     let scale = if total > 0.0 { (1.0 - uniform) / total } else { 0.0 };
     scratch.divide(bins, scale, uniform / bins as f32);

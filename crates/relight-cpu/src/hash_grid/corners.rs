@@ -25,19 +25,12 @@ impl Corners {
     pub fn around<S: Simd>(simd: S, level: &GridLevel, positions: &[f32], columns: usize, c: usize) -> Self {
         let side = level.resolution + 1;
         let strides = if level.hashed { PRIMES } else { [side, side.wrapping_mul(side)] };
-        let [zero, one, cells] = [0.0, 1.0, level.resolution as f32].map(|v| f32x16::splat(simd, v));
-        let last = u32x16::splat(simd, level.resolution - 1);
-        let axis = |axis: usize, stride: u32| {
-            let start = axis * columns + c;
-            let x = f32x16::from_slice(simd, &positions[start..start + GROUP]);
-            let scaled = x.max(zero).min(one) * cells;
-            // A position on the upper face belongs to the last cell.
-            let cell = scaled.to_int::<u32x16<S>>().min(last);
-            let fraction = scaled - cell.to_float::<f32x16<S>>();
-            let low = cell * u32x16::splat(simd, stride);
-            ([low, low + u32x16::splat(simd, stride)], [one - fraction, fraction])
-        };
-        let [(x, wx), (y, wy), (z, wz)] = [axis(0, 1), axis(1, strides[0]), axis(2, strides[1])];
+        let (xs, rest) = positions.split_at(columns);
+        let (ys, zs) = rest.split_at(columns);
+        // Each called by itself: through a closure, vectors would go through memory.
+        let (x, wx) = neighbours(simd, level, &xs[c..c + GROUP], 1);
+        let (y, wy) = neighbours(simd, level, &ys[c..c + GROUP], strides[0]);
+        let (z, wz) = neighbours(simd, level, &zs[c..c + GROUP], strides[1]);
         // The number of entries of a hashed level is a power of two.
         let mask = u32x16::splat(simd, level.entries as u32 - 1);
         let mut corners = Self { index: [[0; GROUP]; CORNERS], weight: [[0.0; GROUP]; CORNERS] };
@@ -57,6 +50,25 @@ impl Corners {
             self.index.iter().for_each(|index| ask(entries, index[i] as usize));
         }
     }
+}
+
+/// The two vertices that coordinates lie between: what each contributes to an entry's index, and its weight.
+#[inline(always)]
+fn neighbours<S: Simd>(
+    simd: S,
+    level: &GridLevel,
+    coordinates: &[f32],
+    stride: u32,
+) -> ([u32x16<S>; 2], [f32x16<S>; 2]) {
+    let (zero, one) = (f32x16::splat(simd, 0.0), f32x16::splat(simd, 1.0));
+    let cells = f32x16::splat(simd, level.resolution as f32);
+    let scaled = f32x16::from_slice(simd, coordinates).max(zero).min(one) * cells;
+    // A position on the upper face belongs to the last cell.
+    let cell = scaled.to_int::<u32x16<S>>().min(u32x16::splat(simd, level.resolution - 1));
+    let fraction = scaled - cell.to_float::<f32x16<S>>();
+    let stride = u32x16::splat(simd, stride);
+    let low = cell * stride;
+    ([low, low + stride], [one - fraction, fraction])
 }
 
 /// Asks memory for an entry that will be wanted soon, where processors can be asked.
