@@ -6,6 +6,8 @@ use std::sync::atomic::{AtomicU8, Ordering};
 use rayon::prelude::*;
 use relight_scene::Bounds;
 
+use crate::prefetch::ask;
+
 /// Cells an axis of a brick.
 const BRICK: usize = 8;
 /// Cells of a brick.
@@ -127,6 +129,11 @@ impl DensityGrid {
     /// Optical depth of one step through a cell; 0 where that is too thin to count.
     pub fn optical_depth(&self, cell: usize) -> f32 {
         self.optical[usize::from(get(&self.cells[cell]))]
+    }
+
+    /// Asks memory for a cell that will be wanted soon.
+    pub fn ask(&self, cell: usize) {
+        ask(&self.cells, cell);
     }
 
     /// Raises a cell to a density (per metre) seen in it.

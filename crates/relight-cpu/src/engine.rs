@@ -50,6 +50,8 @@ pub struct CpuEngine {
     /// Densities at the columns of the batch, for the density grid.
     densities: Vec<f32>,
     lanes: Vec<Lane>,
+    /// The first of them, which had tiles in the last step.
+    lanes_used: usize,
     workspaces: Pool<Workspace>,
     costs: Costs,
 }
@@ -87,6 +89,7 @@ impl CpuEngine {
             feature_gradients: Vec::new(),
             densities: Vec::new(),
             lanes: Lane::all(&gradients),
+            lanes_used: 0,
             workspaces: Pool::default(),
             costs: Costs::default(),
             field,

@@ -22,6 +22,7 @@ pub mod march;
 pub mod mlp;
 pub mod networks;
 pub mod pool;
+pub mod prefetch;
 pub mod probes;
 pub mod roulette;
 pub mod samples;

@@ -25,6 +25,8 @@ const DENSITY_DECAY: u64 = 32;
 /// Columns that a tile aims at: few enough for its activations to stay in the second-level cache, enough to fill
 /// the registers.
 const TILE_COLUMNS: usize = 192;
+/// Cells of the density grid that are asked of memory before their turn to be raised.
+const CELLS_AHEAD: usize = 16;
 /// Streams of the seed from here on place the samples of shadow rays.
 const SHADOW_STREAM: u64 = 1 << 61;
 /// Streams from here on play roulette; those below, of step after step, place the samples of rays.
@@ -44,6 +46,12 @@ impl Lane {
     pub(super) fn all(gradients: &Gradients) -> Vec<Self> {
         let lane = || Self { gradients: gradients.clone(), sums: Sums::default(), costs: Costs::default() };
         (0..LANES).map(|_| lane()).collect()
+    }
+
+    fn clear(&mut self) {
+        self.gradients.clear();
+        self.sums = Sums::default();
+        self.costs = Costs::default();
     }
 }
 
@@ -99,10 +107,11 @@ impl CpuEngine {
 
         let summing = Instant::now();
         let mut sums = Sums::default();
-        let (first, rest) = self.lanes.split_at_mut(1);
+        let lanes = &mut self.lanes[..self.lanes_used];
+        let (first, rest) = lanes.split_at_mut(1);
         let rest: Vec<&Gradients> = rest.iter().map(|lane| &lane.gradients).collect();
         first[0].gradients.add(&rest);
-        self.lanes.iter().for_each(|lane| sums.add(&lane.sums));
+        lanes.iter().for_each(|lane| sums.add(&lane.sums));
         let non_finite = |what: &str| EngineError::NonFinite { step: settings.step, what: what.into() };
         let stats = StepStats {
             loss: sums.squared_error / (3 * n * lights) as f64,
@@ -147,8 +156,8 @@ impl CpuEngine {
         let weights: usize = self.moments.iter().map(|moments| moments.m.len()).sum();
         self.costs.of(Stage::OptimiseNetworks).add(&StageCost {
             seconds: optimising.as_secs_f64(),
-            operations: ((LANES - 1 + UPDATE_OPERATIONS) * weights) as f64,
-            bytes: (size_of::<f32>() * (LANES + 7) * weights) as f64,
+            operations: ((self.lanes_used - 1 + UPDATE_OPERATIONS) * weights) as f64,
+            bytes: (size_of::<f32>() * (self.lanes_used + 7) * weights) as f64,
             ..StageCost::default()
         });
         let positions = self.batch.positions();
@@ -223,15 +232,10 @@ impl CpuEngine {
         let probe_weight = settings.probe_weight * self.experience.trust();
         let probe_scale = scale * probe_weight * lights as f32 / probes_a_ray.max(1) as f32;
         let roulette = Random::new(self.config.seed, ROULETTE_STREAM + settings.step);
-        // Lanes beyond the last tile only have their sums cleared.
-        for lane in &mut lanes {
-            lane.gradients.clear();
-            lane.sums = Sums::default();
-            lane.costs = Costs::default();
-        }
         let gradients = feature_gradients.par_chunks_mut(per_lane * tile_size);
         let work = gradients.zip(densities.par_chunks_mut(per_lane * columns)).zip(&mut lanes);
         work.enumerate().with_max_len(1).for_each(|(i, ((gradients, densities), lane))| {
+            lane.clear();
             self.workspaces.with(Workspace::default, |workspace| {
                 let (mut colour_gradient, mut lengths) = (Vec::new(), Vec::new());
                 let outputs = gradients.chunks_exact_mut(tile_size).zip(densities.chunks_exact_mut(columns));
@@ -308,7 +312,9 @@ impl CpuEngine {
             });
         });
         let mut costs = Costs::default();
-        lanes.iter().for_each(|lane| costs.add(&lane.costs));
+        // Those that had tiles; the others hold what an earlier step left.
+        self.lanes_used = tiles.div_ceil(per_lane);
+        lanes[..self.lanes_used].iter().for_each(|lane| costs.add(&lane.costs));
         self.costs.add_share(costs, started.elapsed().as_secs_f64());
         self.lanes = lanes;
         self.feature_gradients = feature_gradients;
@@ -324,8 +330,12 @@ impl CpuEngine {
         let tiles = batch.positions.par_chunks(3 * columns).zip(self.densities.par_chunks(columns));
         tiles.enumerate().for_each(|(tile, (positions, densities))| {
             let used = batch.range(rays, tile).len() * batch.samples;
+            let cell = |c: usize| grid.cell([0, 1, 2].map(|a| positions[a * columns + c]));
             for (c, &density) in densities[..used].iter().enumerate() {
-                grid.observe(grid.cell([0, 1, 2].map(|a| positions[a * columns + c])), density);
+                if c + CELLS_AHEAD < used {
+                    grid.ask(cell(c + CELLS_AHEAD));
+                }
+                grid.observe(cell(c), density);
             }
         });
     }

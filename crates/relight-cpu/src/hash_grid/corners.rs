@@ -4,6 +4,7 @@ use fearless_simd::{Simd, f32x16, prelude::*, u32x16};
 use relight_field::parameters::Level as GridLevel;
 
 use super::CORNERS;
+use crate::prefetch::ask;
 
 /// Samples whose corners are worked out together.
 pub const GROUP: usize = 16;
@@ -69,17 +70,4 @@ fn neighbours<S: Simd>(
     let stride = u32x16::splat(simd, stride);
     let low = cell * stride;
     ([low, low + stride], [one - fraction, fraction])
-}
-
-/// Asks memory for an entry that will be wanted soon, where processors can be asked.
-#[inline(always)]
-pub fn ask<E>(entries: &[E], index: usize) {
-    #[cfg(target_arch = "x86_64")]
-    // SAFETY: a hint, which reads nothing and is harmless whatever the address.
-    unsafe {
-        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        _mm_prefetch::<_MM_HINT_T0>(entries.as_ptr().wrapping_add(index).cast());
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    let _ = (entries, index);
 }

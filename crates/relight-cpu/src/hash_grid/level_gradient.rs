@@ -3,9 +3,10 @@
 use fearless_simd::{Level, Simd, dispatch};
 use relight_field::parameters::Level as GridLevel;
 
-use super::corners::{Corners, GROUP, ask};
+use super::corners::{Corners, GROUP};
 use super::{CORNERS, Entry, EntryMoments, TiledPositions};
 use crate::adam::Adam;
+use crate::prefetch::ask;
 
 /// Entries that are asked of memory before their turn to be updated.
 const UPDATES_AHEAD: usize = 16;
