@@ -1,5 +1,7 @@
 //! Adam (Kingma and Ba 2015), for the networks densely and for single grid entries.
 
+use fearless_simd::{Level, Simd, dispatch};
+
 /// Decay of the first moment.
 pub const BETA1: f32 = 0.9;
 /// Keeps the division finite; torch-ngp's value.
@@ -58,19 +60,32 @@ impl Moments {
         Self { m: vec![0.0; n], v: vec![0.0; n], updates: 0 }
     }
 
-    /// One update of all weights.
+    /// One update of all weights, which lie in one array after another; `gradient` is that of all of them.
     pub fn step<'a>(
         &mut self,
-        weights: impl Iterator<Item = &'a mut f32>,
-        gradient: &[f32],
+        simd: Level,
+        weights: impl Iterator<Item = &'a mut [f32]>,
+        mut gradient: &[f32],
         rate: f32,
         adam: &Adam,
     ) {
         self.updates = self.updates.saturating_add(1);
         let c = adam.corrections(self.updates);
-        let moments = self.m.iter_mut().zip(&mut self.v);
-        for ((w, &g), (m, v)) in weights.zip(gradient).zip(moments) {
-            adam.update(w, [m, v], g, rate, c);
+        let (mut m, mut v) = (&mut self.m[..], &mut self.v[..]);
+        for weights in weights {
+            let (g, rest_g) = gradient.split_at(weights.len());
+            let (here_m, rest_m) = m.split_at_mut(weights.len());
+            let (here_v, rest_v) = v.split_at_mut(weights.len());
+            (gradient, m, v) = (rest_g, rest_m, rest_v);
+            dispatch!(simd, simd => simd.vectorize(
+                #[inline(always)]
+                || {
+                    let moments = here_m.iter_mut().zip(here_v);
+                    for ((w, &g), (m, v)) in weights.iter_mut().zip(g).zip(moments) {
+                        adam.update(w, [m, v], g, rate, c);
+                    }
+                },
+            ));
         }
     }
 }
@@ -98,7 +113,7 @@ mod tests {
             let gradient: Vec<f32> = (0..WEIGHTS)
                 .map(|i| (random.uniform_at((100 * step + i) as u64) - 0.4) * 10f32.powi(2 * i as i32 - 9))
                 .collect();
-            moments.step(weights.iter_mut(), &gradient, rate, &adam);
+            moments.step(Level::new(), weights.chunks_mut(4), &gradient, rate, &adam);
             for ([w, m, v], &g) in plain.iter_mut().zip(&gradient) {
                 let g = f64::from(g);
                 *m = 0.9 * *m + 0.1 * g;

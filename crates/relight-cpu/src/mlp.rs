@@ -53,9 +53,9 @@ impl Mlp {
         Network { layers: self.layers.clone() }
     }
 
-    /// Weights of all layers, one after another, for the optimiser; call [`Mlp::refresh`] when they have changed.
-    pub fn weights_mut(&mut self) -> impl Iterator<Item = &mut f32> {
-        self.layers.iter_mut().flat_map(|l| l.weight.iter_mut())
+    /// Weights of one layer after another, for the optimiser; call [`Mlp::refresh`] when they have changed.
+    pub fn weights_mut(&mut self) -> impl Iterator<Item = &mut [f32]> {
+        self.layers.iter_mut().map(|l| &mut l.weight[..])
     }
 
     /// Inputs of the first layer.

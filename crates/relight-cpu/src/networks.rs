@@ -1,5 +1,6 @@
 //! The three networks of an architecture, and where each of their inputs lies.
 
+use fearless_simd::Level;
 use rayon::prelude::*;
 use relight_field::architecture::{Architecture, EMBEDDING, EmbeddingEntry, HARMONICS, HIDDEN};
 use relight_field::parameters::Parameters;
@@ -84,11 +85,18 @@ impl Networks {
     }
 
     /// One optimiser step of all three.
-    pub fn step(&mut self, gradients: &Gradients, moments: &mut [Moments; 3], rate: f32, adam: &Adam) {
+    pub fn step(
+        &mut self,
+        simd: Level,
+        gradients: &Gradients,
+        moments: &mut [Moments; 3],
+        rate: f32,
+        adam: &Adam,
+    ) {
         let networks = [Some(&mut self.geo), Some(&mut self.rgb), self.vis.as_mut()];
         for ((network, gradient), moments) in networks.into_iter().zip(gradients.parts()).zip(moments) {
             if let Some(network) = network {
-                moments.step(network.weights_mut(), gradient, rate, adam);
+                moments.step(simd, network.weights_mut(), gradient, rate, adam);
                 network.refresh();
             }
         }

@@ -151,7 +151,7 @@ impl CpuEngine {
             self.experience.observe_field(stats.loss);
         }
         let (rate, stepping) = (settings.learning_rate, Instant::now());
-        self.networks.step(&self.lanes[0].gradients, &mut self.moments, rate, &self.adam);
+        self.networks.step(self.simd, &self.lanes[0].gradients, &mut self.moments, rate, &self.adam);
         optimising += stepping.elapsed();
         let weights: usize = self.moments.iter().map(|moments| moments.m.len()).sum();
         self.costs.of(Stage::OptimiseNetworks).add(&StageCost {
