@@ -103,7 +103,7 @@ mod tests {
     }
 
     fn moments_step_with(beta2: f64) {
-        const WEIGHTS: usize = 7;
+        const WEIGHTS: usize = 75;
         let (random, rate, adam) = (Random::new(1, 0), 0.01, Adam::new(beta2));
         let mut weights: Vec<f32> = (0..WEIGHTS as u64).map(|i| random.uniform_at(i) - 0.5).collect();
         let mut moments = Moments::new(WEIGHTS);
@@ -111,9 +111,11 @@ mod tests {
         for step in 1..=30 {
             // Magnitudes from 1e-9 to 1e3: Adam's step depends on none of them.
             let gradient: Vec<f32> = (0..WEIGHTS)
-                .map(|i| (random.uniform_at((100 * step + i) as u64) - 0.4) * 10f32.powi(2 * i as i32 - 9))
+                .map(|i| {
+                    (random.uniform_at((100 * step + i) as u64) - 0.4) * 10f32.powi(2 * (i % 7) as i32 - 9)
+                })
                 .collect();
-            moments.step(Level::new(), weights.chunks_mut(4), &gradient, rate, &adam);
+            moments.step(Level::new(), weights.chunks_mut(40), &gradient, rate, &adam);
             for ([w, m, v], &g) in plain.iter_mut().zip(&gradient) {
                 let g = f64::from(g);
                 *m = 0.9 * *m + 0.1 * g;

@@ -206,8 +206,9 @@ fn get(byte: &AtomicU8) -> u8 {
 
 /// The code of a density (per metre).
 fn code(density: f32) -> u8 {
-    // To the nearest; what is not a number is nothing.
-    let kept = (density.max(0.0).to_bits() + (1 << (DROPPED_BITS - 1))) >> DROPPED_BITS;
+    // To the nearest. Neither -0.0 nor what is not a number is above zero.
+    let density = if density > 0.0 { density } else { 0.0 };
+    let kept = (density.to_bits() + (1 << (DROPPED_BITS - 1))) >> DROPPED_BITS;
     kept.saturating_sub(NOTHING).min(255) as u8
 }
 
@@ -224,10 +225,11 @@ mod tests {
             occupied in proptest::collection::vec([0usize..8, 0usize..8, 0usize..8], 0..4),
             unit in [0f32..1.0, 0f32..1.0, 0f32..1.0],
             direction in [-2f32..2.0, -2f32..2.0, 0.01f32..2.0],
-            flat in any::<bool>(),
+            (flat, back) in any::<(bool, bool)>(),
         ) {
             let mut grid = of_bricks(&occupied);
             let direction = if flat { [direction[0], 0.0, direction[2]] } else { direction };
+            let direction = if back { direction.map(|d| -d) } else { direction };
             let brick = |unit: [f32; 3]| unit.map(|u| (u * 8.0) as usize);
             let distance = |brick: [usize; 3]| {
                 let apart = |o: &[usize; 3]| (0..3).map(|a| o[a].abs_diff(brick[a])).max();
@@ -312,7 +314,7 @@ mod tests {
             grid.observe(9, expected);
             assert!(is(density(&grid, 9), expected), "{expected}");
         }
-        for nothing in [0.0, -1.0, f32::NAN, 1e-30] {
+        for nothing in [0.0, -0.0, -1.0, f32::NAN, 1e-30] {
             let grid = grid(nothing);
             grid.observe(9, nothing);
             assert_eq!(grid.optical_depth(9), 0.0, "{nothing}");

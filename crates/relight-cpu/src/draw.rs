@@ -6,7 +6,9 @@ use relight_field::engine::{EngineError, FieldValues, Outputs, Points, Rays, Sam
 use relight_field::sampling::{Sampling, Shading};
 
 use crate::dense::padded;
+use crate::front_to_back::FrontToBack;
 use crate::hash_grid::TiledPositions;
+use crate::march::along;
 use crate::samples::{Jitter, Marcher, SampleBatch};
 use crate::shade::{CodedLight, Point};
 use crate::tile::Workspace;
@@ -33,13 +35,18 @@ pub fn draw(
     }
     let blocks: Vec<Samples> = (0..n.div_ceil(BLOCK_RAYS))
         .into_par_iter()
-        .map_init(SampleBatch::default, |batch, block| {
+        .map_init(Memory::default, |memory, block| {
             let range = block * BLOCK_RAYS..((block + 1) * BLOCK_RAYS).min(n);
             let rays = Rays {
                 origins: rays.origins[range.clone()].to_vec(),
                 directions: rays.directions[range].to_vec(),
             };
-            draw_block(marcher, batch, sampling, shading, &rays, light, outputs)
+            match shading {
+                Shading::Deferred => draw_deferred(marcher, memory, sampling, &rays, light, outputs),
+                Shading::PerSample => {
+                    draw_per_sample(marcher, &mut memory.samples, sampling, &rays, light, outputs)
+                }
+            }
         })
         .collect();
     let mut all = Samples::default();
@@ -53,30 +60,84 @@ pub fn draw(
     Ok(all)
 }
 
-fn draw_block(
-    marcher: &Marcher<'_>,
-    batch: &mut SampleBatch,
-    sampling: Sampling,
-    shading: Shading,
-    rays: &Rays,
-    light: &CodedLight,
-    outputs: Outputs,
-) -> Samples {
+/// Memory of one thread.
+#[derive(Default)]
+struct Memory {
+    samples: SampleBatch,
+    seen: FrontToBack,
+}
+
+/// Rays whose samples fill a tile.
+fn tile_rays(sampling: Sampling) -> usize {
     let samples = match sampling {
         Sampling::Guided { samples } => samples,
         Sampling::Stratified { coarse, fine } => coarse + fine,
     };
-    batch.fill(marcher, rays, sampling, (TILE_COLUMNS / samples).max(1), Jitter(None));
+    (TILE_COLUMNS / samples).max(1)
+}
+
+/// Looks along the rays, then decodes one colour for each.
+fn draw_deferred(
+    marcher: &Marcher<'_>,
+    memory: &mut Memory,
+    sampling: Sampling,
+    rays: &Rays,
+    light: &CodedLight,
+    outputs: Outputs,
+) -> Samples {
+    let (n, Memory { samples, seen }) = (rays.origins.len(), memory);
+    samples.place(marcher, rays, sampling, tile_rays(sampling), Jitter(None));
+    seen.look(marcher, rays, samples);
+    let mut results =
+        Samples { depth: seen.depths.clone(), opacity: seen.opacity.clone(), ..Samples::default() };
+    marcher.workspaces.with(Workspace::default, |Workspace { shader, .. }| {
+        for first in (0..n).step_by(TILE_COLUMNS) {
+            let here = first..(first + TILE_COLUMNS).min(n);
+            shader.points.clear();
+            shader.points.extend(here.clone().map(|ray| Point {
+                ray,
+                position: along(rays.origins[ray], rays.directions[ray], seen.depths[ray]),
+                weight: 1.0,
+            }));
+            shader.features.clear();
+            shader.features.extend(seen.features.chunks_exact(n).flat_map(|row| &row[here.clone()]));
+            shader.forward(marcher.simd, marcher.networks, &rays.directions, 1, |_, _| light);
+            let (columns, visibility) = (shader.columns(), &shader.visibility[..here.len()]);
+            let reflectance =
+                |i: usize| -> [f32; 3] { std::array::from_fn(|c| shader.colour[c * columns + i]) };
+            let colour = |(i, &o): (usize, &f32)| reflectance(i).map(|c| o * c);
+            results.colour.extend(visibility.iter().enumerate().map(colour));
+            if outputs.visibility && marcher.networks.vis.is_some() {
+                results.visibility.extend(visibility);
+            }
+            if outputs.reflectance {
+                results.reflectance.extend((0..here.len()).map(reflectance));
+            }
+        }
+    });
+    results
+}
+
+/// Decodes a colour at every sample that weighs something.
+fn draw_per_sample(
+    marcher: &Marcher<'_>,
+    batch: &mut SampleBatch,
+    sampling: Sampling,
+    rays: &Rays,
+    light: &CodedLight,
+    outputs: Outputs,
+) -> Samples {
+    batch.fill(marcher, rays, sampling, tile_rays(sampling), Jitter(None));
     let with_visibility = outputs.visibility && marcher.networks.vis.is_some();
     let mut results = Samples::default();
     marcher.workspaces.with(Workspace::default, |workspace| {
         for tile in 0..batch.tiles(rays) {
             let here = batch.tile(marcher, rays, tile);
-            workspace.forward(marcher.simd, marcher.networks, shading, &here, 1, |_, _| light);
+            workspace.forward(marcher.simd, marcher.networks, Shading::PerSample, &here, 1, |_, _| light);
             results.colour.extend(&workspace.colours);
             results.depth.extend(&workspace.depths);
             let n = here.origins.len();
-            let last = |r: usize| workspace.weights[(r + 1) * samples - 1];
+            let last = |r: usize| workspace.weights[(r + 1) * here.samples - 1];
             results.opacity.extend((0..n).map(|r| 1.0 - last(r)));
             let shader = &workspace.shader;
             let columns = shader.columns();

@@ -50,7 +50,7 @@ pub struct CpuEngine {
     /// Densities at the columns of the batch, for the density grid.
     densities: Vec<f32>,
     lanes: Vec<Lane>,
-    /// The first of them, which had tiles in the last step.
+    /// How many of them, from the first on, had tiles in the last step.
     lanes_used: usize,
     workspaces: Pool<Workspace>,
     costs: Costs,
@@ -61,8 +61,9 @@ impl CpuEngine {
     ///
     /// # Errors
     /// [`EngineError::Shape`] if the parameters contradict their configuration, or ask for more than two samples
-    /// cannot hold.
+    /// cannot hold, or by [`EngineConfig::validate`].
     pub fn new(parameters: &Parameters, config: EngineConfig) -> Result<Self, EngineError> {
+        config.validate()?;
         parameters.validate().map_err(|e| EngineError::Shape(e.to_string()))?;
         let samples = match config.sampling {
             Sampling::Guided { samples } => samples,

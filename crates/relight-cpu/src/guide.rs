@@ -11,7 +11,7 @@ const UNIFORM_SHARE: f32 = 0.15;
 const UNIFORM_SHARE_DRAWING: f32 = 0.02;
 /// Largest opacity a cell may claim when samples are placed: some must fall behind a surface that may be wrong.
 const OPACITY_LIMIT: f32 = 0.5;
-/// The same when drawing pictures.
+/// The same when drawing pictures: with fewer samples in front, 16 come nearer to what hundreds give.
 const OPACITY_LIMIT_DRAWING: f32 = 0.35;
 /// Optical depth, by the density grid, below which a shadow ray counts as clear.
 const SHADING: f32 = 0.05;
@@ -222,10 +222,10 @@ mod tests {
         #[test]
         fn stretches_place_samples_as_single_steps_do(
             origin in origin(), direction in direction(), density in 0.1f32..100.0,
-            occupied in proptest::collection::vec(0usize..4096, 0..1000),
+            occupied in proptest::collection::vec(0usize..64 * 64 * 64, 0..1000),
         ) {
             let cube = UnitCube::new(&BOUNDS);
-            let grid = DensityGrid::uniform(&BOUNDS, 16, 0.0);
+            let grid = DensityGrid::uniform(&BOUNDS, 64, 0.0);
             // Densities of all kinds beside each other.
             occupied.iter().for_each(|&cell| grid.observe(cell, density * (1 + cell % 7) as f32));
             let (near, far) = cube.clip(origin, direction);
@@ -242,10 +242,10 @@ mod tests {
         #[test]
         fn empty_bricks_are_stepped_over_and_no_others(
             origin in origin(), direction in direction(),
-            occupied in proptest::collection::vec(0usize..4096, 0..40), density in 0.1f32..10.0,
+            occupied in proptest::collection::vec(0usize..64 * 64 * 64, 0..40), density in 0.1f32..10.0,
         ) {
             let cube = UnitCube::new(&BOUNDS);
-            let grid = DensityGrid::uniform(&BOUNDS, 16, 0.0);
+            let grid = DensityGrid::uniform(&BOUNDS, 64, 0.0);
             occupied.iter().for_each(|&cell| grid.observe(cell, density));
             let (ray, span) = ((origin, direction), cube.clip(origin, direction));
             let plain = is_clear_cell_by_cell(&grid, &cube, ray, span);

@@ -14,6 +14,7 @@ pub mod density_grid;
 mod draw;
 mod engine;
 pub mod experience;
+mod front_to_back;
 pub mod guide;
 pub mod harmonics;
 pub mod hash_grid;

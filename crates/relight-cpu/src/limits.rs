@@ -8,6 +8,8 @@ use std::time::{Duration, Instant};
 
 use fearless_simd::{Level, Simd, dispatch, prelude::*};
 
+use crate::prefetch::ask;
+
 /// Rates a second, on all threads.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
@@ -15,9 +17,9 @@ pub struct Limits {
     pub operations: f64,
     /// Bytes read and written one after another, in arrays larger than any cache.
     pub bytes: f64,
-    /// Entries of 8 bytes read in no order from one table.
+    /// Entries of 8 bytes read in no order from one table, of which memory is asked ahead.
     pub lookups: f64,
-    /// Entries of 8 bytes added to in no order, in a table for each thread.
+    /// Entries of 8 bytes added to in no order, in a table for each thread, likewise.
     pub updates: f64,
 }
 
@@ -59,7 +61,7 @@ impl Limits {
 }
 
 /// Things a second that all threads together do with `work`, which does some and says how many, on the `memory` of each.
-fn on_all_threads<T>(memory: impl Fn(u32) -> T + Sync, work: impl Fn(&mut T) -> usize + Sync) -> f64 {
+pub fn on_all_threads<T>(memory: impl Fn(u32) -> T + Sync, work: impl Fn(&mut T) -> usize + Sync) -> f64 {
     // They start together, or the first would have the machine for itself.
     let ready = Barrier::new(rayon::current_num_threads());
     let rates = rayon::broadcast(|thread| {
@@ -95,28 +97,39 @@ fn multiply_adds_simd<S: Simd>(simd: S, x: &mut f32, rounds: usize) -> usize {
     2 * rounds * INDEPENDENT * S::f32s::LEN
 }
 
+/// Entries that memory is asked for at once, while those before them are used.
+const AHEAD: usize = 64;
+
 /// Sequences that jump all over a table, side by side so that none waits for another.
-type Jumps = [u64; 8];
+type Jumps = [u64; AHEAD];
 
 /// Sequences of a thread's own.
 fn jumps(thread: u32) -> Jumps {
     std::array::from_fn(|i| u64::from(thread) << 32 | (i as u64 + 1))
 }
 
-/// The next index, in a table whose size is a power of two.
-fn jump(state: &mut u64, size: usize) -> usize {
-    *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-    (*state >> 33) as usize & (size - 1)
+/// The next indices, in a table whose size is a power of two, of which memory is asked.
+fn jump(jumps: &mut Jumps, table: &[[f32; 2]]) -> [usize; AHEAD] {
+    let mut indices = [0; AHEAD];
+    for (state, index) in jumps.iter_mut().zip(&mut indices) {
+        *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        *index = (*state >> 33) as usize & (table.len() - 1);
+        ask(table, *index);
+    }
+    indices
 }
 
 /// Sum of about `n` entries of a table whose size is a power of two, read in no order.
 fn gather(table: &[[f32; 2]], jumps: &mut Jumps, n: usize) -> [f32; 2] {
-    let mut sums = [[0f32; 2]; 8];
-    for _ in 0..n / jumps.len() {
-        for (state, sum) in jumps.iter_mut().zip(&mut sums) {
-            let entry = table[jump(state, table.len())];
-            sum[0] += entry[0];
-            sum[1] += entry[1];
+    let (mut sums, mut next) = ([[0f32; 2]; 8], jump(jumps, table));
+    for _ in 0..n / AHEAD {
+        let here = next;
+        next = jump(jumps, table);
+        for indices in here.chunks_exact(8) {
+            for (&index, sum) in indices.iter().zip(&mut sums) {
+                sum[0] += table[index][0];
+                sum[1] += table[index][1];
+            }
         }
     }
     [0, 1].map(|f| sums.iter().map(|sum| sum[f]).sum())
@@ -124,11 +137,13 @@ fn gather(table: &[[f32; 2]], jumps: &mut Jumps, n: usize) -> [f32; 2] {
 
 /// Adds to about `n` entries of a table whose size is a power of two, in no order.
 fn scatter(table: &mut [[f32; 2]], jumps: &mut Jumps, n: usize) {
-    for _ in 0..n / jumps.len() {
-        for state in jumps.iter_mut() {
-            let entry = &mut table[jump(state, table.len())];
-            entry[0] += 0.5;
-            entry[1] += 0.25;
+    let mut next = jump(jumps, table);
+    for _ in 0..n / AHEAD {
+        let here = next;
+        next = jump(jumps, table);
+        for index in here {
+            table[index][0] += 0.5;
+            table[index][1] += 0.25;
         }
     }
 }
@@ -145,7 +160,7 @@ mod tests {
         let total: f32 = table.iter().map(|entry| entry[1]).sum();
         assert_eq!(total, 0.25 * (1 << 14) as f32);
         let ones = vec![[1f32, 2.0]; 1 << 10];
-        assert_eq!(gather(&ones, &mut jumps(1), 800), [800.0, 1600.0]);
+        assert_eq!(gather(&ones, &mut jumps(1), 640), [640.0, 1280.0]);
         assert_ne!(jumps(0), jumps(1), "threads go ways of their own");
     }
 

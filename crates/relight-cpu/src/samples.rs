@@ -79,13 +79,26 @@ impl SampleBatch {
         tile_rays: usize,
         jitter: Jitter,
     ) {
+        self.place(marcher, rays, sampling, tile_rays, jitter);
+        self.encode(marcher, rays);
+    }
+
+    /// Places the samples of `rays`, `tile_rays` rays a tile; [`SampleBatch::tile`] has to wait until they are encoded.
+    pub fn place(
+        &mut self,
+        marcher: &Marcher<'_>,
+        rays: &Rays,
+        sampling: Sampling,
+        tile_rays: usize,
+        jitter: Jitter,
+    ) {
         (self.marched, self.encoded) = (StageCost::default(), StageCost::default());
         let started = Instant::now();
         match sampling {
             Sampling::Guided { samples } => {
-                self.shape(marcher, rays, tile_rays, samples);
+                self.shape(rays, tile_rays, samples);
                 let guides = &self.guides;
-                place(
+                for_each_ray(
                     self.tile_rays,
                     self.samples,
                     &mut self.t,
@@ -112,8 +125,8 @@ impl SampleBatch {
                 );
             }
             Sampling::Stratified { coarse, fine } => {
-                self.shape(marcher, rays, tile_rays, coarse);
-                place(
+                self.shape(rays, tile_rays, coarse);
+                for_each_ray(
                     self.tile_rays,
                     self.samples,
                     &mut self.t,
@@ -131,7 +144,11 @@ impl SampleBatch {
             }
         }
         self.marched.seconds = started.elapsed().as_secs_f64() - self.encoded.seconds;
-        self.encode(marcher, rays);
+    }
+
+    /// Where in `t` and `lengths` a sample of a ray is.
+    pub fn column_of(&self, ray: usize, sample: usize) -> usize {
+        ray / self.tile_rays * self.columns + ray % self.tile_rays * self.samples + sample
     }
 
     /// Adds `fine` samples a ray, drawn from the weights of those at hand (paper section 4.3; Mildenhall et al.
@@ -149,41 +166,46 @@ impl SampleBatch {
             })
             .collect();
         let (old_t, old_lengths) = (std::mem::take(&mut self.t), std::mem::take(&mut self.lengths));
-        self.shape(marcher, rays, tile_rays, coarse + fine);
-        place(self.tile_rays, self.samples, &mut self.t, &mut self.lengths, rays, |ray, t, lengths| {
-            let span = marcher.cube.clip(rays.origins[ray], rays.directions[ray]);
-            let start = ray / tile_rays * columns + ray % tile_rays * coarse;
-            let (old, weights) = (&old_t[start..start + coarse], &weights[start..start + coarse]);
-            let (first, rest) = t.split_at_mut(coarse);
-            first.copy_from_slice(old);
-            // A little everywhere, so that a ray through nothing has somewhere to draw from.
-            // What the opaque last sample weighs is what no density stopped: nothing to look closer at.
-            let mut mass: Vec<f32> = weights.iter().map(|w| w + 1e-5).collect();
-            mass[coarse - 1] = 1e-5;
-            let old_lengths = &old_lengths[start..start + coarse];
-            let mut end = span.0;
-            let ends: Vec<f32> = old_lengths
-                .iter()
-                .map(|l| {
-                    end += l;
-                    end
-                })
-                .collect();
-            march::draw(&mass, span.0, |b| ends[b], |k| jitter.at(ray, coarse + k), rest);
-            t.sort_by(f32::total_cmp);
-            march::interval_lengths(t, span, lengths);
-        });
+        self.shape(rays, tile_rays, coarse + fine);
+        for_each_ray(
+            self.tile_rays,
+            self.samples,
+            &mut self.t,
+            &mut self.lengths,
+            rays,
+            |ray, t, lengths| {
+                let span = marcher.cube.clip(rays.origins[ray], rays.directions[ray]);
+                let start = ray / tile_rays * columns + ray % tile_rays * coarse;
+                let (old, weights) = (&old_t[start..start + coarse], &weights[start..start + coarse]);
+                let (first, rest) = t.split_at_mut(coarse);
+                first.copy_from_slice(old);
+                // A little everywhere, so that a ray through nothing has somewhere to draw from.
+                // What the opaque last sample weighs is what no density stopped: nothing to look closer at.
+                let mut mass: Vec<f32> = weights.iter().map(|w| w + 1e-5).collect();
+                mass[coarse - 1] = 1e-5;
+                let old_lengths = &old_lengths[start..start + coarse];
+                let mut end = span.0;
+                let ends: Vec<f32> = old_lengths
+                    .iter()
+                    .map(|l| {
+                        end += l;
+                        end
+                    })
+                    .collect();
+                march::draw(&mass, span.0, |b| ends[b], |k| jitter.at(ray, coarse + k), rest);
+                t.sort_by(f32::total_cmp);
+                march::interval_lengths(t, span, lengths);
+            },
+        );
     }
 
-    fn shape(&mut self, marcher: &Marcher<'_>, rays: &Rays, tile_rays: usize, samples: usize) {
+    fn shape(&mut self, rays: &Rays, tile_rays: usize, samples: usize) {
         (self.tile_rays, self.samples, self.columns) = (tile_rays, samples, padded(tile_rays * samples));
         let total = self.tiles(rays) * self.columns;
         self.t.clear();
         self.t.resize(total, 0.0);
         self.lengths.clear();
         self.lengths.resize(total, 0.0);
-        self.positions.resize(3 * total, 0.0);
-        self.features.resize(marcher.networks.features * total, 0.0);
     }
 
     /// Tiles of the batch.
@@ -194,6 +216,8 @@ impl SampleBatch {
     fn encode(&mut self, marcher: &Marcher<'_>, rays: &Rays) {
         let started = Instant::now();
         let (k, columns, tile_rays) = (self.samples, self.columns, self.tile_rays);
+        self.positions.resize(3 * self.t.len(), 0.0);
+        self.features.resize(marcher.networks.features * self.t.len(), 0.0);
         self.positions.par_chunks_mut(3 * columns).zip(self.t.par_chunks(columns)).enumerate().for_each(
             |(tile, (positions, t))| {
                 positions.fill(0.5);
@@ -247,7 +271,7 @@ impl SampleBatch {
 }
 
 /// Calls `one(ray, t, lengths)` for every ray, in parallel over tiles.
-fn place(
+fn for_each_ray(
     tile_rays: usize,
     samples: usize,
     t: &mut [f32],

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::engine::EngineError;
+
 /// How samples are placed along a ray.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -32,6 +34,9 @@ pub enum Shading {
     Deferred,
 }
 
+/// Largest `beta2` of Adam: beyond it, moments would still be gathering when engines stop to correct them.
+pub const LARGEST_BETA2: f64 = 0.999;
+
 /// Everything fixed about an engine beside its field.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EngineConfig {
@@ -39,8 +44,24 @@ pub struct EngineConfig {
     pub sampling: Sampling,
     /// Where colour is decoded.
     pub shading: Shading,
-    /// Adam's `beta2`, the decay of its second moments (Kingma and Ba 2015): in 0..1.
+    /// Adam's `beta2`, the decay of its second moments (Kingma and Ba 2015): above 0, at most [`LARGEST_BETA2`].
     pub beta2: f64,
     /// With the step's number, decides every random draw.
     pub seed: u64,
+}
+
+impl EngineConfig {
+    /// Checks what engines rely on.
+    ///
+    /// # Errors
+    /// [`EngineError::Shape`] if `beta2` is out of range.
+    pub fn validate(&self) -> Result<(), EngineError> {
+        if self.beta2 > 0.0 && self.beta2 <= LARGEST_BETA2 {
+            return Ok(());
+        }
+        Err(EngineError::Shape(format!(
+            "beta2 is {}; it must be above 0, and at most {LARGEST_BETA2}",
+            self.beta2
+        )))
+    }
 }

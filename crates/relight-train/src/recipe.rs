@@ -2,7 +2,7 @@
 
 use relight_field::engine::StepSettings;
 use relight_field::parameters::GridConfig;
-use relight_field::sampling::{Sampling, Shading};
+use relight_field::sampling::{LARGEST_BETA2, Sampling, Shading};
 use relight_scene::Bounds;
 use serde::{Deserialize, Serialize};
 
@@ -54,7 +54,7 @@ pub struct Recipe {
     /// Samples whose gradients are shorter than this many times the mean are left out at random when gradients go back
     /// to the grid, while those that stay count more; 0 leaves none out.
     pub roulette: f64,
-    /// Adam's decay of second moments, in 0..1.
+    /// Adam's decay of second moments: above 0, at most 0.999.
     pub beta2: f64,
     /// Adam's learning rate.
     pub learning_rate: Schedule,
@@ -124,7 +124,7 @@ impl Recipe {
             sampling: Sampling::Guided { samples: 12 },
             shading: Shading::Deferred,
             roulette: 1.5,
-            beta2: 0.99,
+            beta2: 0.999,
             learning_rate: Schedule::Exponential { from: 1e-2, to: 3e-4 },
             depth_weight: Schedule::Linear { from: 0.1, to: 0.0, start: 0.0, end: 0.25 },
             probe_weight: Schedule::Linear { from: 0.0, to: 0.8, start: 0.15, end: 0.2 },
@@ -176,8 +176,8 @@ impl Recipe {
         if !(self.roulette.is_finite() && (0.0..=16.0).contains(&self.roulette)) {
             return fault("roulette", "0 to 16 times the mean");
         }
-        if !(self.beta2 > 0.0 && self.beta2 < 1.0 && (self.beta2 as f32) < 1.0) {
-            return fault("beta2", "between 0 and 1");
+        if !(self.beta2 > 0.0 && self.beta2 <= LARGEST_BETA2) {
+            return fault("beta2", "above 0, and at most 0.999");
         }
         if self.probes_per_ray > 64 {
             return fault("probes-per-ray", "at most 64");
@@ -256,7 +256,7 @@ mod tests {
         assert!(recipe.validate().unwrap_err().to_string().contains("rays-per-step times"));
         let recipe = Recipe { probes_per_ray: usize::MAX, ..Recipe::fast() };
         assert!(recipe.validate().unwrap_err().to_string().contains("probes-per-ray"));
-        for beta2 in [0.0, 1.0, 1.0 - 1e-12, f64::NAN] {
+        for beta2 in [0.0, 0.9999, f64::NAN] {
             let recipe = Recipe { beta2, ..Recipe::fast() };
             assert!(recipe.validate().unwrap_err().to_string().contains("beta2"));
         }

@@ -2,6 +2,7 @@
 
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use anyhow::{bail, ensure};
 use relight_field::engine::{Engine, RenderSettings};
@@ -102,9 +103,12 @@ fn picture(args: &Args, scene: &Scene, engine: &dyn Engine, quiet: bool) -> anyh
         bar.update(done as u64, all as u64, String::new);
         unless(cancel)
     };
+    let started = Instant::now();
     let picture = render(engine, &lens, &pose, &light, args.map.outputs(), &settings(args), &mut progress);
     bar.clear();
-    Ok(write_picture(&picture?, args.map, &args.out)?)
+    let picture = picture?;
+    tracing::info!("drawn in {:.3} s", started.elapsed().as_secs_f64());
+    Ok(write_picture(&picture, args.map, &args.out)?)
 }
 
 /// Draws a film.
@@ -124,8 +128,9 @@ fn film(args: &Args, path: &str, scene: &Scene, engine: &dyn Engine, quiet: bool
     let cancel = cancel_flag()?;
     let bar = Progress::new("filming", shots.len() as u64, quiet);
     let mut film = Film::create(&args.out, args.fps, shots.len())?;
-    let mut near_far = None;
+    let (mut near_far, mut drawing) = (None, Duration::ZERO);
     for (done, shot) in shots.iter().enumerate() {
+        let started = Instant::now();
         let picture = render(
             engine,
             &lens,
@@ -135,12 +140,14 @@ fn film(args: &Args, path: &str, scene: &Scene, engine: &dyn Engine, quiet: bool
             &settings(args),
             &mut |_, _| unless(cancel),
         )?;
+        drawing += started.elapsed();
         let near_far = *near_far.get_or_insert_with(|| picture.near_far());
         film.push(&picture.image(args.map, Some(near_far))?)?;
         bar.update(done as u64 + 1, shots.len() as u64, String::new);
     }
     film.finish()?;
-    bar.finish(&format!("{}: {} frames", args.out.display(), shots.len()));
+    let each = drawing.as_secs_f64() / shots.len() as f64;
+    bar.finish(&format!("{}: {} frames, drawn in {each:.3} s each", args.out.display(), shots.len()));
     Ok(())
 }
 

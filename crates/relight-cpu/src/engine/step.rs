@@ -88,7 +88,7 @@ impl CpuEngine {
         batch: &RayBatch,
         settings: &StepSettings,
     ) -> Result<StepStats, EngineError> {
-        check(batch)?;
+        check(batch, settings.step)?;
         let (n, lights) = (batch.rays.origins.len(), batch.lights_per_ray);
         let total = match self.config.sampling {
             Sampling::Guided { samples } => samples,
@@ -355,7 +355,7 @@ fn depth_spread(workspace: &Workspace, rays: &TileRays<'_>) -> f64 {
 }
 
 /// Refuses batches that contradict themselves.
-fn check(batch: &RayBatch) -> Result<(), EngineError> {
+fn check(batch: &RayBatch, step: u64) -> Result<(), EngineError> {
     let n = batch.rays.origins.len();
     let pairs = n * batch.lights_per_ray;
     let wrong = |what: &str| Err(EngineError::Shape(format!("ray batch: {what}")));
@@ -373,6 +373,10 @@ fn check(batch: &RayBatch) -> Result<(), EngineError> {
     }
     if batch.probe_colours.len() != batch.probe_lights.len() || !batch.probe_lights.len().is_multiple_of(n) {
         return wrong("probes must be as many for each ray, and as many as their colours");
+    }
+    let places = batch.rays.origins.iter().chain(&batch.rays.directions);
+    if places.flatten().any(|c| !c.is_finite()) {
+        return Err(EngineError::NonFinite { step, what: "a ray".into() });
     }
     if batch.light_index.iter().any(|&l| l as usize >= batch.lights.len()) {
         return wrong("a light index points past the lights");

@@ -89,6 +89,10 @@ fn engines_that_cannot_be() {
         let message = refused(CpuEngine::new(&field(V5), EngineConfig { sampling, ..CONFIG }));
         assert!(message.contains("two samples"), "{message}");
     }
+    for beta2 in [0.0, 1.0, f64::NAN] {
+        let message = refused(CpuEngine::new(&field(V5), EngineConfig { beta2, ..CONFIG }));
+        assert!(message.contains("beta2"), "{message}");
+    }
     let mut short = field(V5);
     short.table.pop();
     refused(CpuEngine::new(&short, CONFIG));

@@ -3,6 +3,7 @@
 use fearless_simd::Level;
 use relight_cpu::CpuEngine;
 use relight_cpu::samples::{Jitter, SampleBatch};
+use relight_cpu::tile::Workspace;
 use relight_field::architecture::{LightInput, V0, V1, V5};
 use relight_field::engine::*;
 use relight_field::random::Random;
@@ -112,6 +113,34 @@ fn colours_equal_the_oracles() {
             assert!(loss.sqrt() < 2e-6, "{name}, {shading:?}, ray {r}: {}", loss.sqrt());
         }
     }
+}
+
+/// Surfaces so dense that what lies behind them is not looked at.
+#[test]
+fn rays_that_end_early_look_like_whole_ones() {
+    let (n, light, simd) = (40, lights()[1], Level::new());
+    let mut parameters = field(V5);
+    parameters.config.density_scale *= 100.0;
+    let engine = CpuEngine::new(&parameters, config(SAMPLING, Shading::Deferred)).unwrap();
+    let rays = rays(n);
+    let drawn = engine.render(&rays, &light, Outputs::default(), &RenderSettings { samples: None }).unwrap();
+
+    let parts = Parts::new(&parameters);
+    let (mut samples, mut whole) = (SampleBatch::default(), Workspace::default());
+    samples.fill(&parts.marcher(simd), &rays, SAMPLING, n, Jitter(None));
+    let coded = coded(&[light]);
+    let tile = samples.tile(&parts.marcher(simd), &rays, 0);
+    whole.forward(simd, &parts.networks, Shading::Deferred, &tile, 1, |_, _| &coded[0]);
+    let mut early = 0;
+    for r in 0..n {
+        let weights = &whole.weights[r * tile.samples..(r + 1) * tile.samples];
+        early += usize::from(weights[..4].iter().sum::<f32>() > 0.9995);
+        let close = (0..3).all(|c| (drawn.colour[r][c] - whole.colours[r][c]).abs() < 1e-3);
+        assert!(close, "ray {r}: {:?} {:?}", drawn.colour[r], whole.colours[r]);
+        assert!((drawn.depth[r] - whole.depths[r]).abs() < 2e-3, "ray {r}");
+        assert!((drawn.opacity[r] - (1.0 - weights[tile.samples - 1])).abs() < 1e-3, "ray {r}");
+    }
+    assert!((5..n - 1).contains(&early), "{early}");
 }
 
 /// With the same number of samples both engines draw nearly the same picture of a smooth field, though they place

@@ -126,6 +126,20 @@ fn a_restored_run_is_the_very_same_run() {
     }
 }
 
+/// Of a small batch after a large one: what the partial sums of the large one hold must not count again.
+#[test]
+fn steps_of_other_sizes_leave_nothing_behind() {
+    for config in CONFIGS {
+        let (mut used, mut fresh) = (engine(config), engine(config));
+        used.train_step(&batch(701, 2), &settings(0)).unwrap();
+        fresh.restore(&used.parameters().unwrap(), &used.state().unwrap()).unwrap();
+        for engine in [&mut used, &mut fresh] {
+            engine.train_step(&batch(20, 2), &settings(1)).unwrap();
+        }
+        assert_same(&used, &fresh);
+    }
+}
+
 #[test]
 fn a_step_that_is_not_finite_changes_nothing() {
     for config in CONFIGS {

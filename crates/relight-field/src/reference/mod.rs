@@ -62,9 +62,10 @@ impl<R: Real> ReferenceEngine<R> {
     /// An engine for a field.
     ///
     /// # Errors
-    /// [`EngineError::Shape`] if the weights are not of the shape of their configuration, or if samples are to be
-    /// placed otherwise than [`Sampling::Stratified`].
+    /// [`EngineError::Shape`] if the weights are not of the shape of their configuration, if samples are to be
+    /// placed otherwise than [`Sampling::Stratified`], or by [`EngineConfig::validate`].
     pub fn new(parameters: &Parameters, config: EngineConfig) -> Result<Self, EngineError> {
+        config.validate()?;
         let Sampling::Stratified { coarse, fine } = config.sampling else {
             return Err(EngineError::Shape("the reference engine samples stratified only".to_owned()));
         };

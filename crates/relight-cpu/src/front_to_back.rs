@@ -1,0 +1,136 @@
+//! Rays looked along from front to back: a few samples at a time, until nothing behind them would show.
+//!
+//! Where colour is decoded once a ray, all that the samples leave behind are sums: features, depth, and how much light
+//! still passes. So a ray that has met a surface needs no more samples (early ray termination, Levoy 1990).
+
+use relight_field::engine::Rays;
+
+use crate::dense::padded;
+use crate::hash_grid::TiledPositions;
+use crate::march::along;
+use crate::samples::{Marcher, SampleBatch};
+
+/// Samples of a ray that are evaluated together.
+const TOGETHER: usize = 4;
+/// Rays whose samples make a tile.
+const TILE_RAYS: usize = 48;
+/// Transmittance below which a ray is at its end: the sample that left no more takes all of it.
+const OPAQUE: f32 = 1e-3;
+
+/// What a block of rays has met so far; memory that is reused from block to block.
+#[derive(Default)]
+pub struct FrontToBack {
+    /// `[point_features][rays]`: `h` and `e`, averaged under the weights of the samples.
+    pub features: Vec<f32>,
+    /// `[rays]`: expected depth, metres.
+    pub depths: Vec<f32>,
+    /// `[rays]`: what was seen inside the box, 0..1.
+    pub opacity: Vec<f32>,
+    /// `[rays]`: light that passes all samples so far.
+    transmittance: Vec<f32>,
+    /// Rays that are not at their end.
+    going: Vec<usize>,
+    /// `[tile][3][columns]`: positions of the samples at hand.
+    positions: Vec<f32>,
+    /// `[tile][features][columns]`: their features.
+    encoded: Vec<f32>,
+    /// `[columns]`: their weights.
+    weights: Vec<f32>,
+}
+
+impl FrontToBack {
+    /// Looks along all rays at the samples that `batch` has placed.
+    pub fn look(&mut self, marcher: &Marcher<'_>, rays: &Rays, batch: &SampleBatch) {
+        let (n, outputs) = (rays.origins.len(), marcher.networks.point_features());
+        let fresh = [
+            (&mut self.features, outputs * n, 0.0),
+            (&mut self.depths, n, 0.0),
+            (&mut self.opacity, n, 1.0),
+            (&mut self.transmittance, n, 1.0),
+        ];
+        for (numbers, length, value) in fresh {
+            numbers.clear();
+            numbers.resize(length, value);
+        }
+        self.going.clear();
+        self.going.extend(0..n);
+        for first in (0..batch.samples).step_by(TOGETHER) {
+            let samples = first..(first + TOGETHER).min(batch.samples);
+            self.encode(marcher, rays, batch, samples.clone());
+            self.accumulate(marcher, n, batch, samples);
+            self.going.retain(|&ray| self.transmittance[ray] > 0.0);
+        }
+    }
+
+    /// Looks up the features of some samples of all rays that go on.
+    fn encode(
+        &mut self,
+        marcher: &Marcher<'_>,
+        rays: &Rays,
+        batch: &SampleBatch,
+        samples: std::ops::Range<usize>,
+    ) {
+        let columns = padded(TILE_RAYS * samples.len());
+        let tiles = self.going.len().div_ceil(TILE_RAYS);
+        self.positions.clear();
+        self.positions.resize(tiles * 3 * columns, 0.5);
+        self.encoded.resize(tiles * marcher.networks.features * columns, 0.0);
+        let tiles = self.positions.chunks_exact_mut(3 * columns).zip(self.going.chunks(TILE_RAYS));
+        for (positions, going) in tiles {
+            let places = going.iter().flat_map(|&ray| samples.clone().map(move |sample| (ray, sample)));
+            for (column, (ray, sample)) in places.enumerate() {
+                let t = batch.t[batch.column_of(ray, sample)];
+                let unit = marcher.cube.map(along(rays.origins[ray], rays.directions[ray], t));
+                for (axis, u) in unit.into_iter().enumerate() {
+                    positions[axis * columns + column] = u.clamp(0.0, 1.0);
+                }
+            }
+        }
+        let positions = TiledPositions { data: &self.positions, columns };
+        marcher.grid.encode(marcher.simd, positions, &mut self.encoded);
+    }
+
+    /// Adds what those samples show.
+    fn accumulate(
+        &mut self,
+        marcher: &Marcher<'_>,
+        n: usize,
+        batch: &SampleBatch,
+        samples: std::ops::Range<usize>,
+    ) {
+        let (networks, together) = (marcher.networks, samples.len());
+        let columns = padded(TILE_RAYS * together);
+        marcher.workspaces.with(Default::default, |workspace| {
+            let tiles = self.encoded.chunks_exact(networks.features * columns);
+            for (encoded, going) in tiles.zip(self.going.chunks(TILE_RAYS)) {
+                workspace.densities(marcher.simd, networks, encoded, columns);
+                self.weights.clear();
+                for (r, &ray) in going.iter().enumerate() {
+                    for (s, sample) in samples.clone().enumerate() {
+                        let place = batch.column_of(ray, sample);
+                        let before = self.transmittance[ray];
+                        let optical = workspace.density[r * together + s] * batch.lengths[place];
+                        let mut after = before * (-optical).exp();
+                        // The last sample stands for all that lies beyond.
+                        if sample + 1 == batch.samples {
+                            (after, self.opacity[ray]) = (0.0, 1.0 - before);
+                        } else if after <= OPAQUE {
+                            after = 0.0;
+                        }
+                        self.weights.push(before - after);
+                        self.depths[ray] += (before - after) * batch.t[place];
+                        self.transmittance[ray] = after;
+                    }
+                }
+                let rows =
+                    encoded.chunks_exact(columns).chain(workspace.embeddings(columns).chunks_exact(columns));
+                for (row, sums) in rows.zip(self.features.chunks_exact_mut(n)) {
+                    let terms = row.chunks_exact(together).zip(self.weights.chunks_exact(together));
+                    for (&ray, (values, weights)) in going.iter().zip(terms) {
+                        sums[ray] += values.iter().zip(weights).map(|(v, w)| v * w).sum::<f32>();
+                    }
+                }
+            }
+        });
+    }
+}
