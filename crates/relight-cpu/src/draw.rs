@@ -7,7 +7,7 @@ use relight_field::sampling::{Sampling, Shading};
 
 use crate::dense::padded;
 use crate::front_to_back::FrontToBack;
-use crate::hash_grid::TiledPositions;
+use crate::hash_grid::{TiledPositions, set_position};
 use crate::march::along;
 use crate::samples::{Jitter, Marcher, SampleBatch};
 use crate::shade::{CodedLight, Point};
@@ -193,9 +193,7 @@ pub fn query(
         let directions: Vec<[f32; 3]> = directions.iter().map(single).collect();
         positions.fill(0.5);
         for (i, &p) in world.iter().enumerate() {
-            for (axis, u) in marcher.cube.map(p).into_iter().enumerate() {
-                positions[axis * columns + i] = u.clamp(0.0, 1.0);
-            }
+            set_position(&mut positions, i, marcher.cube.map(p));
         }
         marcher.grid.encode(marcher.simd, TiledPositions { data: &positions, columns }, &mut features);
         workspace.densities(marcher.simd, networks, &features, columns);

@@ -6,7 +6,7 @@
 use relight_field::engine::Rays;
 
 use crate::dense::padded;
-use crate::hash_grid::TiledPositions;
+use crate::hash_grid::{TiledPositions, set_position};
 use crate::march::along;
 use crate::samples::{Marcher, SampleBatch};
 
@@ -81,9 +81,7 @@ impl FrontToBack {
             for (column, (ray, sample)) in places.enumerate() {
                 let t = batch.t[batch.column_of(ray, sample)];
                 let unit = marcher.cube.map(along(rays.origins[ray], rays.directions[ray], t));
-                for (axis, u) in unit.into_iter().enumerate() {
-                    positions[axis * columns + column] = u.clamp(0.0, 1.0);
-                }
+                set_position(positions, column, unit);
             }
         }
         let positions = TiledPositions { data: &self.positions, columns };

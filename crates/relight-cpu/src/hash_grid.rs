@@ -1,7 +1,8 @@
 //! The hash grid `h(x)`: lookups level by level, and the sparse optimiser that follows their gradients.
 //!
 //! The outer loop runs over levels and the whole batch inside it, so that one level's table at a time lives in
-//! cache. What a group of samples will want is asked of memory while the group before it is worked on. Going back, a level belongs to one thread: no atomics, and the same sums whatever the number of threads.
+//! cache. What a group of samples will want is asked of memory while the group before it is worked on. Going back, a
+//! level belongs to one thread: no atomics, and the same sums whatever the number of threads.
 
 mod corners;
 mod level_gradient;
@@ -56,6 +57,14 @@ pub struct TiledPositions<'a> {
     pub data: &'a [f32],
     /// Columns of a tile, a multiple of 16.
     pub columns: usize,
+}
+
+/// Puts a position into column `column` of a tile, `[3][columns]`; outside the unit cube, the nearest of its surface.
+pub fn set_position(tile: &mut [f32], column: usize, unit: [f32; 3]) {
+    let columns = tile.len() / 3;
+    for (axis, u) in unit.into_iter().enumerate() {
+        tile[axis * columns + column] = u.clamp(0.0, 1.0);
+    }
 }
 
 impl HashGrid {

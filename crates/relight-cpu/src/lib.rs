@@ -4,8 +4,9 @@
 //! where something is, [`hash_grid`] encodes them, [`tile`] runs networks and compositing forward and backward while
 //! they are in cache ([`shade`] being the colour and visibility half, [`probes`] adding lights that nobody photographed,
 //! as far as [`experience`] bears them out), [`roulette`] thins the gradients, [`hash_grid`] and [`adam`] optimise,
-//! [`density_grid`] learns where to march. Every result is the same for any number of threads. [`stages`] counts what
-//! each phase takes, and [`limits`] measures what it could.
+//! [`density_grid`] learns where to march. Every result is the same for any number of threads. Pictures are
+//! drawn front to back (`draw`, `front_to_back`). [`stages`] counts what each phase takes, and [`limits`] measures what it
+//! could; where memory is waited for, [`prefetch`] asks it ahead.
 
 pub mod adam;
 pub mod composite;

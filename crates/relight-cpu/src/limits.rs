@@ -17,7 +17,8 @@ pub struct Limits {
     pub operations: f64,
     /// Bytes read and written one after another, in arrays larger than any cache.
     pub bytes: f64,
-    /// Entries of 8 bytes read in no order from one table, of which memory is asked ahead.
+    /// Entries of 8 bytes read in no order from one table; memory is asked ahead if that is faster, which it is for tables
+    /// that no cache holds.
     pub lookups: f64,
     /// Entries of 8 bytes added to in no order, in a table for each thread, likewise.
     pub updates: f64,
@@ -45,17 +46,8 @@ impl Limits {
                     2 * STREAM_BYTES
                 },
             ),
-            lookups: on_all_threads(jumps, |jumps| {
-                black_box(gather(&table, jumps, CHUNK));
-                CHUNK
-            }),
-            updates: on_all_threads(
-                |thread| (vec![[1f32; 2]; written], jumps(thread)),
-                |(table, jumps)| {
-                    scatter(black_box(table), jumps, CHUNK);
-                    CHUNK
-                },
-            ),
+            lookups: lookups::<64, true>(&table).max(lookups::<8, false>(&table)),
+            updates: updates::<64, true>(written).max(updates::<8, false>(written)),
         }
     }
 }
@@ -97,34 +89,54 @@ fn multiply_adds_simd<S: Simd>(simd: S, x: &mut f32, rounds: usize) -> usize {
     2 * rounds * INDEPENDENT * S::f32s::LEN
 }
 
-/// Entries that memory is asked for at once, while those before them are used.
-const AHEAD: usize = 64;
+/// Lookups a second in a table, by `N` sequences side by side in each thread; memory is asked for their next entries while those
+/// before are used if `ASK`.
+fn lookups<const N: usize, const ASK: bool>(table: &[[f32; 2]]) -> f64 {
+    on_all_threads(jumps::<N>, |jumps| {
+        black_box(gather::<N, ASK>(table, jumps, CHUNK));
+        CHUNK
+    })
+}
+
+/// Updates a second in tables of so many entries, likewise.
+fn updates<const N: usize, const ASK: bool>(entries: usize) -> f64 {
+    on_all_threads(
+        |thread| (vec![[1f32; 2]; entries], jumps::<N>(thread)),
+        |(table, jumps)| {
+            scatter::<N, ASK>(black_box(table), jumps, CHUNK);
+            CHUNK
+        },
+    )
+}
 
 /// Sequences that jump all over a table, side by side so that none waits for another.
-type Jumps = [u64; AHEAD];
+type Jumps<const N: usize> = [u64; N];
 
 /// Sequences of a thread's own.
-fn jumps(thread: u32) -> Jumps {
+fn jumps<const N: usize>(thread: u32) -> Jumps<N> {
     std::array::from_fn(|i| u64::from(thread) << 32 | (i as u64 + 1))
 }
 
-/// The next indices, in a table whose size is a power of two, of which memory is asked.
-fn jump(jumps: &mut Jumps, table: &[[f32; 2]]) -> [usize; AHEAD] {
-    let mut indices = [0; AHEAD];
+/// The next indices, in a table whose size is a power of two; memory is asked for them if `ASK`.
+#[inline(always)]
+fn jump<const N: usize, const ASK: bool>(jumps: &mut Jumps<N>, table: &[[f32; 2]]) -> [usize; N] {
+    let mut indices = [0; N];
     for (state, index) in jumps.iter_mut().zip(&mut indices) {
         *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         *index = (*state >> 33) as usize & (table.len() - 1);
-        ask(table, *index);
+        if ASK {
+            ask(table, *index);
+        }
     }
     indices
 }
 
 /// Sum of about `n` entries of a table whose size is a power of two, read in no order.
-fn gather(table: &[[f32; 2]], jumps: &mut Jumps, n: usize) -> [f32; 2] {
-    let (mut sums, mut next) = ([[0f32; 2]; 8], jump(jumps, table));
-    for _ in 0..n / AHEAD {
+fn gather<const N: usize, const ASK: bool>(table: &[[f32; 2]], jumps: &mut Jumps<N>, n: usize) -> [f32; 2] {
+    let (mut sums, mut next) = ([[0f32; 2]; 8], jump::<N, ASK>(jumps, table));
+    for _ in 0..n / N {
         let here = next;
-        next = jump(jumps, table);
+        next = jump::<N, ASK>(jumps, table);
         for indices in here.chunks_exact(8) {
             for (&index, sum) in indices.iter().zip(&mut sums) {
                 sum[0] += table[index][0];
@@ -136,11 +148,11 @@ fn gather(table: &[[f32; 2]], jumps: &mut Jumps, n: usize) -> [f32; 2] {
 }
 
 /// Adds to about `n` entries of a table whose size is a power of two, in no order.
-fn scatter(table: &mut [[f32; 2]], jumps: &mut Jumps, n: usize) {
-    let mut next = jump(jumps, table);
-    for _ in 0..n / AHEAD {
+fn scatter<const N: usize, const ASK: bool>(table: &mut [[f32; 2]], jumps: &mut Jumps<N>, n: usize) {
+    let mut next = jump::<N, ASK>(jumps, table);
+    for _ in 0..n / N {
         let here = next;
-        next = jump(jumps, table);
+        next = jump::<N, ASK>(jumps, table);
         for index in here {
             table[index][0] += 0.5;
             table[index][1] += 0.25;
@@ -155,13 +167,14 @@ mod tests {
     #[test]
     fn lookups_and_updates_reach_the_whole_table() {
         let mut table = vec![[0f32; 2]; 1 << 10];
-        scatter(&mut table, &mut jumps(0), 1 << 14);
+        scatter::<64, true>(&mut table, &mut jumps(0), 1 << 14);
         assert!(table.iter().all(|entry| entry[0] > 0.0));
         let total: f32 = table.iter().map(|entry| entry[1]).sum();
         assert_eq!(total, 0.25 * (1 << 14) as f32);
         let ones = vec![[1f32, 2.0]; 1 << 10];
-        assert_eq!(gather(&ones, &mut jumps(1), 640), [640.0, 1280.0]);
-        assert_ne!(jumps(0), jumps(1), "threads go ways of their own");
+        assert_eq!(gather::<64, true>(&ones, &mut jumps(1), 640), [640.0, 1280.0]);
+        assert_eq!(gather::<8, false>(&ones, &mut jumps(1), 640), [640.0, 1280.0]);
+        assert_ne!(jumps::<8>(0), jumps(1), "threads go ways of their own");
     }
 
     #[test]

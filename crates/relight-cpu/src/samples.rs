@@ -11,7 +11,7 @@ use relight_field::sampling::Sampling;
 use crate::dense::padded;
 use crate::density_grid::DensityGrid;
 use crate::guide::{self, GuideScratch};
-use crate::hash_grid::{HashGrid, TiledPositions};
+use crate::hash_grid::{HashGrid, TiledPositions, set_position};
 use crate::march::{self, UnitCube, along};
 use crate::networks::Networks;
 use crate::pool::Pool;
@@ -225,11 +225,9 @@ impl SampleBatch {
                 let here = first..(first + tile_rays).min(rays.origins.len());
                 for (r, ray) in here.enumerate() {
                     let (origin, direction) = (rays.origins[ray], rays.directions[ray]);
-                    for column in r * k..(r + 1) * k {
-                        let unit = marcher.cube.map(along(origin, direction, t[column]));
-                        for (axis, u) in unit.into_iter().enumerate() {
-                            positions[axis * columns + column] = u.clamp(0.0, 1.0);
-                        }
+                    for (column, &t) in t.iter().enumerate().skip(r * k).take(k) {
+                        let unit = marcher.cube.map(along(origin, direction, t));
+                        set_position(positions, column, unit);
                     }
                 }
             },

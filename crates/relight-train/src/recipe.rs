@@ -72,9 +72,10 @@ pub struct Recipe {
 
 impl Recipe {
     /// The published recipe (paper, section 4.3): 4096 rays over all images, one light each; 128 stratified and 128
-    /// importance samples; Adam at a constant 1e-2, its decays torch's own; L2 alone; until 10 epochs bring no improvement. Where the paper is
-    /// silent: colour at every sample that weighs more than 1e-4 and a density of 1 at logit zero in a box of edge 2,
-    /// both as torch-ngp has them; the last sample of a ray is opaque, and what lies beyond the box is painted there.
+    /// importance samples; Adam at a constant 1e-2, its decays torch's own; L2 alone; until 10 epochs bring no
+    /// improvement. Where the paper is silent: colour at every sample that weighs more than 1e-4 and a density of 1 at
+    /// logit zero in a box of edge 2, both as torch-ngp has them; the last sample of a ray is opaque, and what lies
+    /// beyond the box is painted there.
     pub fn paper() -> Self {
         Self {
             rays_per_step: 4096,
