@@ -59,7 +59,7 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         out.display()
     );
     // Validated often, for the curve on the page.
-    let recipe = Recipe { epoch: Some(250), ..Recipe::fast() };
+    let recipe = Recipe { epoch: Some(500), ..Recipe::fast() };
     let wish = Wish {
         model: "v5".to_owned(),
         preset: "fast".to_owned(),
