@@ -69,11 +69,7 @@ struct Memory {
 
 /// Rays whose samples fill a tile.
 fn tile_rays(sampling: Sampling) -> usize {
-    let samples = match sampling {
-        Sampling::Guided { samples } => samples,
-        Sampling::Stratified { coarse, fine } => coarse + fine,
-    };
-    (TILE_COLUMNS / samples).max(1)
+    (TILE_COLUMNS / sampling.samples()).max(1)
 }
 
 /// Looks along the rays, then decodes one colour for each.

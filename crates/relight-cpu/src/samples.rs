@@ -97,47 +97,22 @@ impl SampleBatch {
         match sampling {
             Sampling::Guided { samples } => {
                 self.shape(rays, tile_rays, samples);
-                let guides = &self.guides;
-                for_each_ray(
-                    self.tile_rays,
-                    self.samples,
-                    &mut self.t,
-                    &mut self.lengths,
-                    rays,
-                    |ray, t, lengths| {
-                        let (origin, direction) = (rays.origins[ray], rays.directions[ray]);
-                        let span = marcher.cube.clip(origin, direction);
-                        guides.with(GuideScratch::default, |guide| {
-                            let draw = |k| jitter.at(ray, k);
-                            let draw: Option<&dyn Fn(usize) -> f32> = jitter.0.is_some().then_some(&draw);
-                            guide::guided(
-                                marcher.density,
-                                &marcher.cube,
-                                (origin, direction),
-                                span,
-                                draw,
-                                guide,
-                                t,
-                            );
-                        });
-                        march::interval_lengths(t, span, lengths);
-                    },
-                );
+                let (shape, places) = ((tile_rays, samples), (&mut self.t[..], &mut self.lengths[..]));
+                place_each(&marcher.cube, rays, shape, places, |ray, span, t| {
+                    self.guides.with(GuideScratch::default, |guide| {
+                        let draw = |k| jitter.at(ray, k);
+                        let draw: Option<&dyn Fn(usize) -> f32> = jitter.0.is_some().then_some(&draw);
+                        let along = (rays.origins[ray], rays.directions[ray]);
+                        guide::guided(marcher.density, &marcher.cube, along, span, draw, guide, t);
+                    });
+                });
             }
             Sampling::Stratified { coarse, fine } => {
                 self.shape(rays, tile_rays, coarse);
-                for_each_ray(
-                    self.tile_rays,
-                    self.samples,
-                    &mut self.t,
-                    &mut self.lengths,
-                    rays,
-                    |ray, t, lengths| {
-                        let span = marcher.cube.clip(rays.origins[ray], rays.directions[ray]);
-                        march::stratified(span, |k| jitter.at(ray, k), t);
-                        march::interval_lengths(t, span, lengths);
-                    },
-                );
+                let (shape, places) = ((tile_rays, coarse), (&mut self.t[..], &mut self.lengths[..]));
+                place_each(&marcher.cube, rays, shape, places, |ray, span, t| {
+                    march::stratified(span, |k| jitter.at(ray, k), t);
+                });
                 if fine > 0 {
                     self.refine(marcher, rays, fine, jitter);
                 }
@@ -167,36 +142,28 @@ impl SampleBatch {
             .collect();
         let (old_t, old_lengths) = (std::mem::take(&mut self.t), std::mem::take(&mut self.lengths));
         self.shape(rays, tile_rays, coarse + fine);
-        for_each_ray(
-            self.tile_rays,
-            self.samples,
-            &mut self.t,
-            &mut self.lengths,
-            rays,
-            |ray, t, lengths| {
-                let span = marcher.cube.clip(rays.origins[ray], rays.directions[ray]);
-                let start = ray / tile_rays * columns + ray % tile_rays * coarse;
-                let (old, weights) = (&old_t[start..start + coarse], &weights[start..start + coarse]);
-                let (first, rest) = t.split_at_mut(coarse);
-                first.copy_from_slice(old);
-                // A little everywhere, so that a ray through nothing has somewhere to draw from.
-                // What the opaque last sample weighs is what no density stopped: nothing to look closer at.
-                let mut mass: Vec<f32> = weights.iter().map(|w| w + 1e-5).collect();
-                mass[coarse - 1] = 1e-5;
-                let old_lengths = &old_lengths[start..start + coarse];
-                let mut end = span.0;
-                let ends: Vec<f32> = old_lengths
-                    .iter()
-                    .map(|l| {
-                        end += l;
-                        end
-                    })
-                    .collect();
-                march::draw(&mass, span.0, |b| ends[b], |k| jitter.at(ray, coarse + k), rest);
-                t.sort_by(f32::total_cmp);
-                march::interval_lengths(t, span, lengths);
-            },
-        );
+        let (shape, places) = ((tile_rays, coarse + fine), (&mut self.t[..], &mut self.lengths[..]));
+        place_each(&marcher.cube, rays, shape, places, |ray, span, t| {
+            let start = ray / tile_rays * columns + ray % tile_rays * coarse;
+            let (old, weights) = (&old_t[start..start + coarse], &weights[start..start + coarse]);
+            let (first, rest) = t.split_at_mut(coarse);
+            first.copy_from_slice(old);
+            // A little everywhere, so that a ray through nothing has somewhere to draw from.
+            // What the opaque last sample weighs is what no density stopped: nothing to look closer at.
+            let mut mass: Vec<f32> = weights.iter().map(|w| w + 1e-5).collect();
+            mass[coarse - 1] = 1e-5;
+            let old_lengths = &old_lengths[start..start + coarse];
+            let mut end = span.0;
+            let ends: Vec<f32> = old_lengths
+                .iter()
+                .map(|l| {
+                    end += l;
+                    end
+                })
+                .collect();
+            march::draw(&mass, span.0, |b| ends[b], |k| jitter.at(ray, coarse + k), rest);
+            t.sort_by(f32::total_cmp);
+        });
     }
 
     fn shape(&mut self, rays: &Rays, tile_rays: usize, samples: usize) {
@@ -268,14 +235,14 @@ impl SampleBatch {
     }
 }
 
-/// Calls `one(ray, t, lengths)` for every ray, in parallel over tiles.
-fn for_each_ray(
-    tile_rays: usize,
-    samples: usize,
-    t: &mut [f32],
-    lengths: &mut [f32],
+/// Places the samples of every ray, in parallel over tiles of `tile_rays` rays with `samples` samples each: calls
+/// `one(ray, span, t)`, `span` being where the ray is inside the box, to fill `t`, and works out their lengths.
+fn place_each(
+    cube: &UnitCube,
     rays: &Rays,
-    one: impl Fn(usize, &mut [f32], &mut [f32]) + Sync,
+    (tile_rays, samples): (usize, usize),
+    (t, lengths): (&mut [f32], &mut [f32]),
+    one: impl Fn(usize, (f32, f32), &mut [f32]) + Sync,
 ) {
     let columns = padded(tile_rays * samples);
     t.par_chunks_mut(columns).zip(lengths.par_chunks_mut(columns)).enumerate().for_each(
@@ -285,7 +252,9 @@ fn for_each_ray(
             for ((ray, t), lengths) in
                 here.zip(t.chunks_exact_mut(samples)).zip(lengths.chunks_exact_mut(samples))
             {
-                one(ray, t, lengths);
+                let span = cube.clip(rays.origins[ray], rays.directions[ray]);
+                one(ray, span, t);
+                march::interval_lengths(t, span, lengths);
             }
         },
     );

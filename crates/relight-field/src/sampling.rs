@@ -23,6 +23,16 @@ pub enum Sampling {
     },
 }
 
+impl Sampling {
+    /// Samples a ray, in all passes together.
+    pub fn samples(self) -> usize {
+        match self {
+            Self::Stratified { coarse, fine } => coarse + fine,
+            Self::Guided { samples } => samples,
+        }
+    }
+}
+
 /// Where along a ray colour and visibility are decoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]

@@ -90,10 +90,7 @@ impl CpuEngine {
     ) -> Result<StepStats, EngineError> {
         check(batch, settings.step)?;
         let (n, lights) = (batch.rays.origins.len(), batch.lights_per_ray);
-        let total = match self.config.sampling {
-            Sampling::Guided { samples } => samples,
-            Sampling::Stratified { coarse, fine } => coarse + fine,
-        };
+        let total = self.config.sampling.samples();
         let jitter = Jitter(Some(Random::new(self.config.seed, settings.step)));
         let mut samples = std::mem::take(&mut self.batch);
         let pairs = lights + self.probes_a_ray(batch, settings);
