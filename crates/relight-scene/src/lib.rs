@@ -7,6 +7,7 @@
 //! pixel centres at integers, distortion as OpenCV's. Pictures are sRGB, 8 bits, row-major, origin at the top left.
 
 mod bounds;
+mod cache_file;
 mod camera;
 mod check;
 mod conventions;
@@ -28,6 +29,7 @@ mod splits;
 mod vector;
 
 pub use bounds::{Bounds, scene_bounds};
+pub use cache_file::{CacheEntry, CacheKind};
 pub use camera::{Camera, Intrinsics};
 pub use check::{Report, check};
 pub use error::{Fault, FaultKind, SceneError, Severity};

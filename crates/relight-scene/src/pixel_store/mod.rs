@@ -12,6 +12,7 @@ use std::path::Path;
 
 use memmap2::Mmap;
 
+use crate::cache_file::{self, CacheEntry, CacheKind};
 use crate::error::SceneError;
 use crate::scene::Scene;
 
@@ -19,6 +20,8 @@ use crate::scene::Scene;
 pub struct PixelStore {
     views: Vec<View>,
     bytes: Bytes,
+    /// Where they are kept, if they are.
+    entry: Option<CacheEntry>,
 }
 
 /// Where the pixels are.
@@ -88,7 +91,21 @@ impl PixelStore {
         frames: &[usize],
         progress: &(dyn Fn(usize, usize) -> ControlFlow<()> + Sync),
     ) -> Result<PixelStore, SceneError> {
-        PixelStore::load_by(scene, frames, progress, cache::folder().as_deref(), &Limits::USUAL)
+        PixelStore::load_by(scene, frames, progress, cache_file::folder().as_deref(), &Limits::USUAL)
+    }
+
+    /// As [`load`](PixelStore::load), with the cache in `folder`, and however few pixels there are.
+    ///
+    /// # Errors
+    /// As [`load`](PixelStore::load).
+    pub fn load_through(
+        folder: &Path,
+        scene: &Scene,
+        frames: &[usize],
+        progress: &(dyn Fn(usize, usize) -> ControlFlow<()> + Sync),
+    ) -> Result<PixelStore, SceneError> {
+        let limits = Limits { worth_caching: 0, ..Limits::USUAL };
+        PixelStore::load_by(scene, frames, progress, Some(folder), &limits)
     }
 
     /// As [`load`](PixelStore::load), with the cache in a given folder and other limits.
@@ -101,17 +118,19 @@ impl PixelStore {
     ) -> Result<PixelStore, SceneError> {
         let (views, length) = lay_out(scene, frames)?;
         let folder = cache_folder.filter(|_| length > 0 && length >= limits.worth_caching);
-        let entry = folder.and_then(|folder| cache::Entry::new(folder, scene, &views, length));
+        let entry = folder.and_then(|folder| cache::entry(folder, scene, &views));
         let mut cache = "there is no folder for it".to_owned();
         if let Some(entry) = entry {
-            if let Some(map) = entry.open() {
+            if let Some(map) = cache::open(&entry, length) {
                 return match progress(frames.len(), frames.len()) {
-                    ControlFlow::Continue(()) => Ok(PixelStore { views, bytes: Bytes::Mapped(map) }),
+                    ControlFlow::Continue(()) => {
+                        Ok(PixelStore { views, bytes: Bytes::Mapped(map), entry: Some(entry) })
+                    }
                     ControlFlow::Break(()) => Err(SceneError::Cancelled),
                 };
             }
-            match decode_to_file(scene, &views, limits.part, progress, &entry)? {
-                Ok(map) => return Ok(PixelStore { views, bytes: Bytes::Mapped(map) }),
+            match decode_to_file(scene, &views, limits.part, progress, &entry, length)? {
+                Ok(map) => return Ok(PixelStore { views, bytes: Bytes::Mapped(map), entry: Some(entry) }),
                 Err(error) => cache = format!("{}: {error}", entry.path().display()),
             }
             if length <= limits.in_memory {
@@ -129,7 +148,13 @@ impl PixelStore {
             bytes.extend_from_slice(part);
             ControlFlow::Continue(())
         })?;
-        Ok(PixelStore { views, bytes: Bytes::Memory(bytes) })
+        Ok(PixelStore { views, bytes: Bytes::Memory(bytes), entry: None })
+    }
+
+    /// The place in the cache, beside the pixels, for something made from them and from what `more` describes: a change of
+    /// either makes it stale. `None` where the pixels themselves are not kept.
+    pub fn cache_entry(&self, kind: CacheKind, more: &str) -> Option<CacheEntry> {
+        self.entry.as_ref().map(|entry| entry.beside(kind, more))
     }
 
     /// Cameras that have at least one of the frames.
@@ -168,9 +193,10 @@ fn decode_to_file(
     views: &[View],
     part: usize,
     progress: &(dyn Fn(usize, usize) -> ControlFlow<()> + Sync),
-    entry: &cache::Entry,
+    entry: &CacheEntry,
+    length: usize,
 ) -> Result<io::Result<Mmap>, SceneError> {
-    let mut writer = match entry.create() {
+    let mut writer = match entry.create(length as u64) {
         Ok(writer) => writer,
         Err(error) => return Ok(Err(error)),
     };
@@ -179,7 +205,7 @@ fn decode_to_file(
         written = writer.write(part);
         if written.is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     })?;
-    Ok(written.and_then(|()| writer.finish()))
+    Ok(written.and_then(|()| writer.finish()).and_then(cache::map))
 }
 
 /// Where each view's pixels go, and how many bytes there are in all.

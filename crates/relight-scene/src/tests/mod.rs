@@ -1,6 +1,7 @@
 //! Tests, and the small captures that they are made on.
 
 mod bounds;
+mod cache_files;
 mod cameras;
 mod checks;
 mod conventions;
