@@ -61,12 +61,17 @@ pub fn common_lights(scene: &Scene, store: &PixelStore) -> Vec<u32> {
     chosen
 }
 
+/// Width and height, pixels, of a photograph through the lens `full`, reduced by a factor.
+pub fn reduced(full: &Intrinsics, scale: usize) -> [usize; 2] {
+    [full.width, full.height].map(|n| (n as usize / scale).max(1))
+}
+
 /// The descriptor picture of one view, `scale` times smaller than the photographs, averaged over the pixels that it
 /// covers; lens distortion removed.
 pub fn describe(scene: &Scene, store: &PixelStore, view: usize, lights: &[u32], scale: usize) -> View {
     let camera = &scene.cameras[store.camera(view)];
     let full = &camera.intrinsics;
-    let [width, height] = [full.width, full.height].map(|n| (n as usize / scale).max(1));
+    let [width, height] = reduced(full, scale);
     let small = full.resized(width as u32, height as u32);
     let ideal = Intrinsics { distortion: Vec::new(), ..small };
     let slots: Vec<usize> =

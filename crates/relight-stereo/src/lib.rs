@@ -7,9 +7,11 @@
 //! 1996), keeping what several cameras agree on, gives depths good to a pixel of a small picture in seconds. They
 //! only say where to look first; the field may overrule them.
 
+mod cache;
 mod consistency;
 mod descriptor;
 mod prior;
 mod sweep;
 
+pub use cache::Source;
 pub use prior::{DepthPrior, StereoSettings};

@@ -1,7 +1,7 @@
 //! From a scene's training pixels to depths, points and a box.
 
 use rayon::prelude::*;
-use relight_scene::{Bounds, PixelStore, Scene};
+use relight_scene::{Bounds, Intrinsics, PixelStore, Scene};
 
 use crate::consistency::confirmed;
 use crate::descriptor::{View, common_lights, describe};
@@ -28,19 +28,33 @@ impl Default for StereoSettings {
 
 /// Depths at which training rays are expected to end.
 pub struct DepthPrior {
-    maps: Vec<DepthMap>,
+    pub(crate) maps: Vec<DepthMap>,
     /// World points of all confirmed depths, metres.
     pub points: Vec<[f32; 3]>,
 }
 
 /// Depths of one view, laid out like its photographs: lens distortion and all.
-struct DepthMap {
-    width: usize,
-    height: usize,
+pub(crate) struct DepthMap {
+    pub(crate) width: usize,
+    pub(crate) height: usize,
     /// Photograph pixels a map pixel, both ways.
-    ratio: [f32; 2],
+    pub(crate) ratio: [f32; 2],
     /// Distances along the rays, metres; NaN where unknown.
-    distances: Vec<f32>,
+    pub(crate) distances: Vec<f32>,
+}
+
+impl DepthMap {
+    /// A map `[width, height]` of photographs through the lens `full`.
+    pub(crate) fn new(full: &Intrinsics, [width, height]: [usize; 2], distances: Vec<f32>) -> Self {
+        let ratio = [full.width as f32 / width as f32, full.height as f32 / height as f32];
+        Self { width, height, ratio, distances }
+    }
+}
+
+/// The whole factor by which photographs are reduced; `None` if there are none.
+pub(crate) fn reduction(scene: &Scene, store: &PixelStore, settings: &StereoSettings) -> Option<usize> {
+    let widths = (0..store.views()).map(|v| scene.cameras[store.camera(v)].intrinsics.width as usize);
+    Some(widths.max()?.div_ceil(settings.width.max(1)).max(1))
 }
 
 /// Fewest lights that make a descriptor worth matching.
@@ -67,8 +81,7 @@ impl DepthPrior {
         if lights.len() < LEAST_LIGHTS {
             return None;
         }
-        let widest = (0..n).map(|v| scene.cameras[store.camera(v)].intrinsics.width as usize).max()?;
-        let scale = widest.div_ceil(settings.width).max(1);
+        let scale = reduction(scene, store, settings)?;
         let views: Vec<View> =
             (0..n).into_par_iter().map(|v| describe(scene, store, v, &lights, scale)).collect();
         let centre: [f64; 3] = std::array::from_fn(|a| f64::from(bounds.lo[a] + bounds.hi[a]) / 2.0);
@@ -106,12 +119,8 @@ impl DepthPrior {
                     let seen = lens.unproject((pixel % view.width) as f64, (pixel / view.width) as f64);
                     points[view.pixel(view.project(seen))?].map(distance)
                 };
-                DepthMap {
-                    width: view.width,
-                    height: view.height,
-                    ratio: [full.width as f32 / view.width as f32, full.height as f32 / view.height as f32],
-                    distances: (0..points.len()).map(|pixel| known(pixel).unwrap_or(f32::NAN)).collect(),
-                }
+                let distances = (0..points.len()).map(|pixel| known(pixel).unwrap_or(f32::NAN)).collect();
+                DepthMap::new(full, [view.width, view.height], distances)
             })
             .collect();
         let points = points.into_iter().flatten().flatten().map(|p| p.map(|v| v as f32)).collect();
@@ -140,9 +149,9 @@ impl DepthPrior {
         }
         let range = |axis: usize| {
             let mut values: Vec<f32> = self.points.iter().map(|p| p[axis]).collect();
-            values.sort_by(f32::total_cmp);
             let cut = values.len() / 500;
-            (values[cut], values[values.len() - 1 - cut])
+            let mut at = |rank: usize| *values.select_nth_unstable_by(rank, f32::total_cmp).1;
+            (at(cut), at(self.points.len() - 1 - cut))
         };
         let ranges = [range(0), range(1), range(2)];
         let half = ranges.iter().map(|(lo, hi)| 0.5 * (hi - lo)).fold(0.0, f32::max) * 1.1;
