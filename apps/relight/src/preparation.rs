@@ -7,7 +7,7 @@ use std::time::Instant;
 use anyhow::{bail, ensure};
 use relight_field::parameters::Parameters;
 use relight_scene::{Bounds, PixelStore, Scene, Splits, scene_bounds};
-use relight_stereo::{DepthPrior, StereoSettings};
+use relight_stereo::{DepthPrior, Source, StereoSettings};
 use relight_train::fineness::fitting_grid;
 use relight_train::recipe::Recipe;
 use relight_train::run::{FORMAT, RunConfig, RunFolder, splits_fingerprint};
@@ -78,16 +78,21 @@ impl Prepared {
         if recipe.stereo {
             let started = Instant::now();
             let settings = StereoSettings::default();
-            self.depths = DepthPrior::estimate(&self.scene, &self.pixels, search, &settings);
+            let found = DepthPrior::find(&self.scene, &self.pixels, search, &settings);
             self.seconds = started.elapsed().as_secs_f64();
-            match &self.depths {
-                Some(prior) => tracing::info!(
-                    "stereo found depths for {:.0} % of the pixels in {:.1} s",
+            match &found {
+                Some((prior, source)) => tracing::info!(
+                    "stereo found depths for {:.0} % of the pixels {} {:.1} s",
                     100.0 * prior.coverage(),
+                    match source {
+                        Source::Stereo => "in",
+                        Source::Cache => "at an earlier start: read from the cache in",
+                    },
                     self.seconds
                 ),
                 None => tracing::info!("too few views and lights for stereo"),
             }
+            self.depths = found.map(|(prior, _)| prior);
         }
         if unless(cancel).is_break() {
             bail!("stopped before the first step of training");
