@@ -7,11 +7,11 @@ mod common;
 use std::fs::{self, File};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::sync::LazyLock;
 use std::time::Duration;
 
 use common::{BOUNDS, Rig, rig};
 use proptest::prelude::*;
+use proptest::test_runner::TestRunner;
 use relight_scene::{Bounds, Image, Intrinsics, PixelStore, Scene};
 use relight_stereo::{DepthPrior, Source, StereoSettings};
 use tempfile::TempDir;
@@ -186,43 +186,38 @@ fn pixels_in_memory_have_no_depths_on_disk() {
     }
 }
 
-/// A capture with its depths kept, the bytes of that file, and the bits of the depths.
-static KEPT: LazyLock<(Capture, Vec<u8>, Vec<u32>)> = LazyLock::new(|| {
-    let capture = Capture::new();
-    let bits = capture.bits(&capture.find().0);
-    let file = fs::read(capture.file()).unwrap();
-    (capture, file, bits)
-});
-
-/// Asserts that a damaged file gives the right depths, and is mended.
-fn assert_mended(damaged: &[u8]) {
-    let (capture, whole, bits) = &*KEPT;
+/// Asserts that a damaged file gives the right depths, whose bits are known, and is mended to be `whole` again.
+fn assert_mended(capture: &Capture, damaged: &[u8], whole: &[u8], bits: &[u32]) {
     fs::write(capture.file(), damaged).unwrap();
     let (prior, source) = capture.find();
-    assert!(capture.bits(&prior) == *bits);
+    assert!(capture.bits(&prior) == bits);
     assert_eq!(source == Source::Cache, damaged == whole);
-    assert!(fs::read(capture.file()).unwrap() == *whole);
+    assert!(fs::read(capture.file()).unwrap() == whole);
 }
 
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(48))]
-
-    #[test]
-    fn damage_never_shows(
-        cut in any::<prop::sample::Index>(),
-        flip in any::<prop::sample::Index>(),
-        in_header in any::<prop::sample::Index>(),
-        in_name in 0usize..32,
-        bits in 1u8..,
-        tail in prop::collection::vec(any::<u8>(), 1..20),
-    ) {
-        let whole = &KEPT.1;
-        assert_mended(&whole[..cut.index(whole.len())]);
-        assert_mended(&[whole, &tail[..]].concat());
-        for at in [flip.index(whole.len()), in_header.index(4096), in_name] {
+#[test]
+fn damage_never_shows() {
+    let capture = Capture::new();
+    let bits = capture.bits(&capture.find().0);
+    let whole = fs::read(capture.file()).unwrap();
+    let damage = (
+        any::<prop::sample::Index>(),
+        [any::<prop::sample::Index>(), any::<prop::sample::Index>()],
+        0usize..32,
+        1u8..,
+        prop::collection::vec(any::<u8>(), 1..20),
+    );
+    let mut runner = TestRunner::new(ProptestConfig::with_cases(48));
+    let outcome = runner.run(&damage, |(cut, [anywhere, in_header], in_name, flip, tail)| {
+        let check = |damaged: &[u8]| assert_mended(&capture, damaged, &whole, &bits);
+        check(&whole[..cut.index(whole.len())]);
+        check(&[&whole[..], &tail].concat());
+        for at in [anywhere.index(whole.len()), in_header.index(4096), in_name] {
             let mut flipped = whole.clone();
-            flipped[at] ^= bits;
-            assert_mended(&flipped);
+            flipped[at] ^= flip;
+            check(&flipped);
         }
-    }
+        Ok(())
+    });
+    outcome.unwrap();
 }
