@@ -44,11 +44,21 @@ impl Image {
     /// # Errors
     /// If the data are not of the stated size or the file cannot be written.
     pub fn write_png(&self, path: &Path) -> Result<(), SceneError> {
+        let bytes = self.png().map_err(|error| {
+            SceneError::fault(FaultKind::Image, path, format!("cannot be encoded: {error}"), "")
+        })?;
+        files::write(path, &bytes)
+    }
+
+    /// The bytes of the image as a PNG file.
+    ///
+    /// # Errors
+    /// If the data are not of the stated size.
+    pub fn png(&self) -> std::io::Result<Vec<u8>> {
         let (stated, held) = (3 * u64::from(self.width) * u64::from(self.height), self.data.len());
         if stated != held as u64 {
-            let problem =
-                format!("cannot be encoded: {held} bytes are not an image of {}x{}", self.width, self.height);
-            return Err(SceneError::fault(FaultKind::Image, path, problem, ""));
+            let problem = format!("{held} bytes are not an image of {}x{}", self.width, self.height);
+            return Err(std::io::Error::new(std::io::ErrorKind::InvalidInput, problem));
         }
         let mut bytes = Cursor::new(Vec::new());
         image::ImageEncoder::write_image(
@@ -58,10 +68,8 @@ impl Image {
             self.height,
             image::ExtendedColorType::Rgb8,
         )
-        .map_err(|error| {
-            SceneError::fault(FaultKind::Image, path, format!("cannot be encoded: {error}"), "")
-        })?;
-        files::write(path, bytes.get_ref())
+        .map_err(std::io::Error::other)?;
+        Ok(bytes.into_inner())
     }
 }
 
@@ -73,6 +81,14 @@ impl Image {
 /// 16384 pixels a side or 64 megapixels.
 pub fn read_image(path: &Path) -> Result<Image, SceneError> {
     read_sized(path, None)
+}
+
+/// As [`read_image`], for a file's bytes; `path` is only named in errors.
+///
+/// # Errors
+/// As [`read_image`].
+pub fn decode_image(path: &Path, bytes: &[u8]) -> Result<Image, SceneError> {
+    decode(path, bytes, None)
 }
 
 /// As [`read_image`]; an image of another size than the expected one is refused before it is decoded.

@@ -132,6 +132,13 @@ impl Pose {
         Pose(self.0.map(|[x, y, z, t]| [x, -y, -z, t]))
     }
 
+    /// The pose as a 4x4 matrix, row-major: what [`Pose::from_matrix`] takes.
+    pub fn to_matrix(&self) -> [f64; 16] {
+        let [a, b, c] = self.0;
+        let rows = [a, b, c, [0.0, 0.0, 0.0, 1.0]];
+        std::array::from_fn(|i| rows[i / 4][i % 4])
+    }
+
     /// `[R | t]` row by row.
     pub fn row_major_f32(&self) -> [f32; 12] {
         std::array::from_fn(|i| self.0[i / 4][i % 4] as f32)

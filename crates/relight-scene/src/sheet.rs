@@ -1,12 +1,11 @@
 //! A scene at a glance: some of its images, and its poses drawn in 3D.
 
-mod canvas;
 mod wireframe;
 
-use canvas::Canvas;
 use image::imageops;
 use rayon::prelude::*;
 
+use crate::drawing::{Canvas, Colour};
 use crate::error::SceneError;
 use crate::image_file::Image;
 use crate::scene::Scene;
@@ -21,6 +20,7 @@ const GAP: u32 = 4;
 const MARGIN: u32 = 24;
 /// Side of each of the two drawings of the poses, pixels.
 const DRAWING: u32 = 480;
+const TEXT: Colour = [220; 3];
 
 /// Draws up to 8 views (rows, with their labels) under up to 8 lights (columns), evenly chosen. Where cameras and
 /// lights do not meet in a grid the images are simply evenly chosen frames. Beside them the poses, seen aslant from
@@ -47,8 +47,11 @@ pub fn contact_sheet(scene: &Scene) -> Result<Image, SceneError> {
         let (x, y) = (MARGIN + cell.column * (width + GAP), MARGIN + cell.row * (height + GAP));
         canvas.paste(image, x, y);
         let (camera, light) = (scene.frames[cell.frame].camera, scene.frames[cell.frame].light);
-        canvas.number(scene.cameras[camera].label, 2, y + height / 2);
-        canvas.number(scene.lights[light].label, x + width / 2, 8);
+        let mut number = |label: usize, x: u32, y: u32| {
+            canvas.text(&label.to_string(), f64::from(x), f64::from(y), TEXT);
+        };
+        number(scene.cameras[camera].label, 1, y + height / 2);
+        number(scene.lights[light].label, x + width / 2, 6);
     }
     wireframe::draw(scene, &splits, &mut canvas, [grid_width, 0], DRAWING);
     Ok(canvas.into_image())

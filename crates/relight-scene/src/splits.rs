@@ -111,6 +111,14 @@ impl Splits {
         Ok(Splits::settled(scene)?.unwrap_or_else(|| drawn::draw(scene)))
     }
 
+    /// These splits as the bytes of a `splits.json`, for a scene that is to carry them.
+    ///
+    /// # Errors
+    /// If they cannot be encoded.
+    pub fn to_json(&self, scene: &Scene) -> Result<Vec<u8>, SceneError> {
+        file::bytes(scene, self)
+    }
+
     /// Refuses splits that leave nothing to learn from.
     pub(crate) fn check_training(&self, scene: &Scene) -> Result<(), SceneError> {
         if !self.train.is_empty() {

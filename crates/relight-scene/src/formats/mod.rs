@@ -3,9 +3,12 @@
 pub(crate) mod camera_file;
 pub(crate) mod pose_file;
 mod rene;
+mod rene_writer;
 pub(crate) mod transforms;
 
 use std::path::{Path, PathBuf};
+
+pub use rene_writer::ReneWriter;
 
 use crate::conventions;
 use crate::error::{FaultKind, Faults};

@@ -2,46 +2,26 @@
 
 use std::collections::HashSet;
 
-use super::canvas::Canvas;
-use crate::bounds::{Bounds, scene_bounds};
-use crate::camera::Camera;
+use crate::bounds::scene_bounds;
+use crate::drawing::{Canvas, Colour, View};
 use crate::scene::Scene;
 use crate::splits::Splits;
-use crate::vector::{Vector, add, cross, dot, norm, scale, sub};
+use crate::vector::{Vector, add, norm, scale, sub};
 
-const BOX: [u8; 3] = [130; 3];
-const AXES: [[u8; 3]; 3] = [[230, 60, 60], [60, 200, 60], [80, 120, 255]];
-const TRAIN: [u8; 3] = [110, 160, 255];
-const VAL: [u8; 3] = [80, 220, 120];
-const TEST: [u8; 3] = [255, 80, 80];
-const LIGHT: [u8; 3] = [255, 220, 80];
-const TEST_LIGHT: [u8; 3] = [255, 140, 30];
+const BOX: Colour = [130; 3];
+const AXES: [Colour; 3] = [[230, 60, 60], [60, 200, 60], [80, 120, 255]];
+const TRAIN: Colour = [110, 160, 255];
+const VAL: Colour = [80, 220, 120];
+const TEST: Colour = [255, 80, 80];
+const LIGHT: Colour = [255, 220, 80];
+const TEST_LIGHT: Colour = [255, 140, 30];
 /// Directions from which the poses are seen: aslant, and from above.
-const FROM: [Vector; 2] = [[0.55, -0.7, 0.45], [0.0, -1e-3, 1.0]];
+const FROM: [Vector; 2] = [[0.55, -0.7, 0.45], [0.0, 0.0, 1.0]];
 /// Length of a drawn camera, as a share of the box.
 const CAMERA: f64 = 0.08;
 const AXIS: f64 = 0.1;
-
-/// An orthographic view onto a square of the canvas.
-struct View {
-    right: Vector,
-    up: Vector,
-    middle: Vector,
-    pixels_a_metre: f64,
-    centre: [f64; 2],
-}
-
-impl View {
-    fn place(&self, p: Vector) -> [f64; 2] {
-        let from = sub(p, self.middle);
-        let (x, y) = (dot(from, self.right), dot(from, self.up));
-        [self.centre[0] + x * self.pixels_a_metre, self.centre[1] - y * self.pixels_a_metre]
-    }
-
-    fn line(&self, canvas: &mut Canvas, from: Vector, to: Vector, colour: [u8; 3]) {
-        canvas.line(self.place(from), self.place(to), colour);
-    }
-}
+/// Width of lines, pixels.
+const WIDTH: f64 = 1.5;
 
 /// Draws the poses twice, one above the other, in squares of `side` pixels from `corner` down.
 pub(super) fn draw(scene: &Scene, splits: &Splits, canvas: &mut Canvas, corner: [u32; 2], side: u32) {
@@ -52,41 +32,18 @@ pub(super) fn draw(scene: &Scene, splits: &Splits, canvas: &mut Canvas, corner: 
     let cameras = scene.cameras.iter().map(|camera| camera.pose.position());
     let positions = cameras.chain(scene.lights.iter().map(|light| light.pose.position()));
     let reach = positions.map(|p| norm(sub(p, middle))).fold(extent / 2.0, f64::max);
+    let half = f64::from(side) / 2.0;
     for (index, from) in FROM.into_iter().enumerate() {
-        let forward = scale(from, -1.0 / norm(from));
-        let across = cross(forward, [0.0, 0.0, 1.0]);
-        let right = scale(across, 1.0 / norm(across));
-        let half = f64::from(side) / 2.0;
-        let view = View {
-            right,
-            up: cross(right, forward),
-            middle,
-            pixels_a_metre: 0.95 * half / reach,
-            centre: [
-                f64::from(corner[0]) + half,
-                f64::from(corner[1]) + half + index as f64 * f64::from(side),
-            ],
-        };
-        draw_box(&view, canvas, &bounds);
+        let centre =
+            [f64::from(corner[0]) + half, f64::from(corner[1]) + half + index as f64 * f64::from(side)];
+        let view = View::new(from, middle, centre, 0.95 * half / reach);
+        view.cuboid(canvas, lo, hi, WIDTH, BOX);
         for (axis, colour) in AXES.into_iter().enumerate() {
             let mut tip = [0.0; 3];
             tip[axis] = AXIS * extent;
-            view.line(canvas, [0.0; 3], tip, colour);
+            view.line(canvas, [0.0; 3], tip, WIDTH, colour);
         }
         draw_poses(&view, canvas, scene, splits, CAMERA * extent);
-    }
-}
-
-fn draw_box(view: &View, canvas: &mut Canvas, bounds: &Bounds) {
-    let corner = |bits: usize| -> Vector {
-        std::array::from_fn(|axis| {
-            f64::from(if bits >> axis & 1 == 1 { bounds.hi[axis] } else { bounds.lo[axis] })
-        })
-    };
-    for from in 0..8usize {
-        for axis in (0..3).filter(|axis| from >> axis & 1 == 0) {
-            view.line(canvas, corner(from), corner(from | 1 << axis), BOX);
-        }
     }
 }
 
@@ -102,23 +59,11 @@ fn draw_poses(view: &View, canvas: &mut Canvas, scene: &Scene, splits: &Splits, 
             index if test.contains(&index) => TEST,
             _ => BOX,
         };
-        draw_camera(view, canvas, camera, length, colour);
+        view.camera(canvas, &camera.pose, &camera.intrinsics, length, WIDTH, colour);
     }
     let test_lights: HashSet<usize> = splits.hard.iter().map(|&frame| scene.frames[frame].light).collect();
     for (index, light) in scene.lights.iter().enumerate() {
         let colour = if test_lights.contains(&index) { TEST_LIGHT } else { LIGHT };
-        canvas.disc(view.place(light.pose.position()), 3, colour);
-    }
-}
-
-/// A pyramid whose base is the image.
-fn draw_camera(view: &View, canvas: &mut Canvas, camera: &Camera, length: f64, colour: [u8; 3]) {
-    let lens = &camera.intrinsics;
-    let (right, bottom) = (f64::from(lens.width) - 1.0, f64::from(lens.height) - 1.0);
-    let corners = [(0.0, 0.0), (right, 0.0), (right, bottom), (0.0, bottom)]
-        .map(|(u, v)| camera.pose.transform(scale(lens.unproject(u, v), length)));
-    for (index, &corner) in corners.iter().enumerate() {
-        view.line(canvas, camera.pose.position(), corner, colour);
-        view.line(canvas, corner, corners[(index + 1) % 4], colour);
+        canvas.disc(view.place(light.pose.position()), 3.0, colour);
     }
 }

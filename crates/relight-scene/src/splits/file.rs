@@ -86,8 +86,8 @@ pub(super) fn read(scene: &Scene) -> Result<Option<Splits>, SceneError> {
     Ok(Some(splits))
 }
 
-/// Writes the file.
-pub(super) fn write(scene: &Scene, splits: &Splits) -> Result<(), SceneError> {
+/// The bytes of the file.
+pub(super) fn bytes(scene: &Scene, splits: &Splits) -> Result<Vec<u8>, SceneError> {
     let labels: Vec<(usize, usize)> = labels(scene).collect();
     let pairs = |split| splits.get(split).iter().map(|&frame| labels[frame]).collect();
     let file = File {
@@ -98,10 +98,12 @@ pub(super) fn write(scene: &Scene, splits: &Splits) -> Result<(), SceneError> {
         easy: pairs(Split::Easy),
         hard: pairs(Split::Hard),
     };
-    let path = path(scene);
-    let bytes =
-        serde_json::to_vec(&file).map_err(|error| SceneError::io(&path, "be written", &error.into()))?;
-    files::write(&path, &bytes)
+    serde_json::to_vec(&file).map_err(|error| SceneError::io(&path(scene), "be written", &error.into()))
+}
+
+/// Writes the file.
+pub(super) fn write(scene: &Scene, splits: &Splits) -> Result<(), SceneError> {
+    files::write(&path(scene), &bytes(scene, splits)?)
 }
 
 /// Each frame's camera and light label.

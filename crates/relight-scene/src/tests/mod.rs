@@ -5,6 +5,7 @@ mod cache_files;
 mod cameras;
 mod checks;
 mod conventions;
+mod drawing;
 mod hostile;
 mod images;
 mod parsers;
