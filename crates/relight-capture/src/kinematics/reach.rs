@@ -1,0 +1,133 @@
+//! Which waypoints of a plan the arms of a rig reach.
+
+use std::collections::HashMap;
+
+use relight_scene::Pose;
+use serde::{Deserialize, Serialize};
+
+use super::{Arm, ArmModel, Cell, CellError, EC66, Joints, Outcome, Route, RouteError, Tool, UR5E};
+use crate::trajectory::{ObjectBox, Plan, Trajectory};
+
+/// Turns of a lamp about its own axis, equally far apart, that are tried: it shines alike in all.
+const LAMP_ROLLS: usize = 8;
+
+/// Where two arms stand, as a person writes it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct ArmsSettings {
+    /// The arm with the camera.
+    pub camera: ArmPlace,
+    /// The arm with the light.
+    pub light: ArmPlace,
+    /// Height of the table, world, metres.
+    #[serde(default)]
+    pub table_metres: f64,
+    /// How far everything must stay from everything else, metres.
+    #[serde(default = "clearance")]
+    pub clearance_metres: f64,
+}
+
+/// Which arm stands where.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct ArmPlace {
+    /// The make.
+    pub model: Make,
+    /// Its base in the world.
+    pub base_metres: [f64; 3],
+    /// Turn of the base about +Z.
+    #[serde(default)]
+    pub yaw_degrees: f64,
+}
+
+/// A make of arms.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Make {
+    /// Universal Robots UR5e.
+    Ur5e,
+    /// Elite EC66.
+    Ec66,
+}
+
+fn clearance() -> f64 {
+    0.01
+}
+
+impl Make {
+    fn model(self) -> ArmModel {
+        match self {
+            Make::Ur5e => UR5E,
+            Make::Ec66 => EC66,
+        }
+    }
+}
+
+impl ArmPlace {
+    fn arm(&self, name: &str, tool: Tool) -> Arm {
+        let ((s, c), [x, y, z]) = (self.yaw_degrees.to_radians().sin_cos(), self.base_metres);
+        let base = Pose([[c, -s, 0.0, x], [s, c, 0.0, y], [0.0, 0.0, 1.0, z]]);
+        Arm { name: name.to_owned(), model: self.model.model(), base, tool }
+    }
+}
+
+impl ArmsSettings {
+    /// The cell in which they work around an object.
+    ///
+    /// # Errors
+    /// If a number is none, or a length negative.
+    pub fn cell(&self, object: ObjectBox) -> Result<Cell<2>, CellError> {
+        let arms =
+            [self.camera.arm("camera arm", Tool::camera()), self.light.arm("light arm", Tool::light())];
+        Cell::new(arms, Some(self.table_metres), Some(object), self.clearance_metres)
+    }
+}
+
+impl Cell<2> {
+    /// Marks the waypoints of a plan that the camera's arm (the first) and the light's (the second) cannot go to, with the
+    /// reason, and orders the others by how far joints turn. While one arm moves the other stands upright.
+    ///
+    /// # Errors
+    /// If the arms cannot stand upright.
+    pub fn reach_plan(&self, plan: &mut Plan) -> Result<(), RouteError> {
+        self.reach_all(0, &mut plan.camera, |pose| vec![*pose])?;
+        self.reach_all(1, &mut plan.light, |pose| Route::rolled(pose, LAMP_ROLLS))
+    }
+
+    fn reach_all(
+        &self,
+        arm: usize,
+        trajectory: &mut Trajectory,
+        poses: impl Fn(&Pose) -> Vec<Pose>,
+    ) -> Result<(), RouteError> {
+        let start = self.arms().each_ref().map(|arm| arm.model.upright);
+        let route = |trajectory: &Trajectory| {
+            let waypoints: Vec<Vec<Pose>> =
+                trajectory.visited().map(|waypoint| poses(&waypoint.pose)).collect();
+            Route::plan(self, arm, &start, &start[arm], &waypoints)
+        };
+        let first = route(trajectory)?;
+        let mut joints: HashMap<usize, Joints> = HashMap::new();
+        for (&label, stop) in trajectory.order.iter().zip(&first.stops) {
+            match stop {
+                Outcome::Reached { joints: there, .. } => _ = joints.insert(label, *there),
+                Outcome::Unreached(reason) => {
+                    trajectory.waypoints[label].unreachable = Some(reason.to_string());
+                }
+            }
+        }
+        let by_distance = trajectory.clone();
+        trajectory.order_by(|from, to| match (joints.get(&from.label), joints.get(&to.label)) {
+            (Some(a), Some(b)) => a.iter().zip(b).map(|(a, b)| (b - a).abs()).sum(),
+            _ => 0.0,
+        });
+        // In the other order joints may stand otherwise; what counts is how far they turn then.
+        let second = route(trajectory)?;
+        let is_whole = second.stops.iter().all(|stop| matches!(stop, Outcome::Reached { .. }));
+        if !is_whole || second.travel > first.travel {
+            trajectory.order = by_distance.order;
+            trajectory.order.retain(|label| joints.contains_key(label));
+        }
+        Ok(())
+    }
+}
