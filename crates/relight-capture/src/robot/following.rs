@@ -1,0 +1,143 @@
+//! Going along a motion, whatever the make: order it, watch until the arm rests at its end, stop it if anything is wrong.
+
+use std::time::{Duration, Instant};
+
+use super::arm::{ArmState, ArmStatus, Joints, largest_difference};
+use super::error::ArmError;
+use super::feed::Feed;
+use super::link::TimeLimits;
+use super::planned_motion::PlannedMotion;
+
+/// An arm that rests this near the end has arrived, radians.
+const ARRIVED: f64 = 1e-3;
+/// An arm that moves less than this is still, radians.
+const STILL: f64 = 2e-4;
+/// It must be still for so long to be at rest.
+const REST: Duration = Duration::from_millis(100);
+/// It must be still for so long when it was never seen to move: the order may be on its way.
+const REST_UNSEEN: Duration = Duration::from_millis(300);
+/// A motion must begin within this.
+const BEGIN: Duration = Duration::from_secs(3);
+/// A stop must be over within this.
+const STOP: Duration = Duration::from_secs(3);
+
+/// What differs from make to make.
+pub(super) trait Controller {
+    /// Where errors say that they come from.
+    fn address(&self) -> &str;
+    fn limits(&self) -> &TimeLimits;
+    /// States as they come. They may not know about remote control.
+    fn feed(&self) -> &Feed;
+    /// The state now, remote control included.
+    fn state_now(&mut self) -> Result<ArmState, ArmError>;
+    /// Orders a motion.
+    fn begin(&mut self, motion: &PlannedMotion) -> Result<(), ArmError>;
+    /// Called between states while the arm moves, for what the feed does not tell.
+    fn watch(&mut self) -> Result<(), ArmError>;
+    /// Orders a stop by every way there is.
+    fn order_stop(&mut self) -> Result<(), ArmError>;
+}
+
+/// See [`super::Arm::move_along`].
+pub(super) fn follow(arm: &mut impl Controller, motion: &PlannedMotion) -> Result<ArmState, ArmError> {
+    let state = arm.state_now()?;
+    if state.status != ArmStatus::Idle {
+        return Err(stopped(arm, state.status));
+    }
+    motion.check_start(arm.address(), &state.joints)?;
+    let arrived = arm.begin(motion).and_then(|()| arrive(arm, motion));
+    arrived.map_err(|cause| match stop(arm) {
+        Ok(()) => cause,
+        Err(stop) => ArmError::NotStopped { cause: Box::new(cause), stop: Box::new(stop) },
+    })
+}
+
+/// See [`super::Arm::stop`].
+pub(super) fn stop(arm: &mut impl Controller) -> Result<(), ArmError> {
+    let ordered = arm.order_stop();
+    // Whoever does not take the order may stand all the same: stopped by its own safety, or by hand.
+    rest(arm).map_err(|unseen| ordered.err().unwrap_or(unseen))
+}
+
+fn stopped(arm: &impl Controller, status: ArmStatus) -> ArmError {
+    ArmError::Stopped { address: arm.address().to_owned(), status }
+}
+
+fn late(arm: &impl Controller, awaited: &'static str, limit: Duration) -> ArmError {
+    ArmError::TimedOut { address: arm.address().to_owned(), awaited, seconds: limit.as_secs_f64() }
+}
+
+/// Since when the joints have not moved.
+struct Stillness {
+    since: Instant,
+    joints: Joints,
+}
+
+impl Stillness {
+    fn new(joints: Joints) -> Self {
+        Self { since: Instant::now(), joints }
+    }
+
+    fn update(&mut self, joints: &Joints) -> Duration {
+        if largest_difference(&self.joints, joints).1 > STILL {
+            *self = Self::new(*joints);
+        }
+        self.since.elapsed()
+    }
+}
+
+fn arrive(arm: &mut impl Controller, motion: &PlannedMotion) -> Result<ArmState, ArmError> {
+    let begun = Instant::now();
+    // The controller may choose to be slower than asked, not much.
+    let limit = motion.duration().saturating_mul(2).saturating_add(Duration::from_secs(5));
+    let (mut count, state) = arm.feed().newest(arm.address(), arm.limits().silence)?;
+    let mut stillness = Stillness::new(state.joints);
+    let mut has_moved = false;
+    loop {
+        arm.watch()?;
+        let (newer, state) = arm.feed().after(count, arm.address(), arm.limits().silence)?;
+        count = newer;
+        let still = stillness.update(&state.joints);
+        let (joint, difference) = largest_difference(&state.joints, motion.to());
+        match state.status {
+            ArmStatus::Running => has_moved = true,
+            ArmStatus::Idle if difference <= ARRIVED => {
+                if still >= if has_moved { REST } else { REST_UNSEEN } {
+                    return Ok(state);
+                }
+            }
+            ArmStatus::Idle if has_moved => {
+                if still >= REST_UNSEEN {
+                    return Err(ArmError::NotAtEnd { address: arm.address().to_owned(), joint, difference });
+                }
+            }
+            ArmStatus::Idle => {
+                if begun.elapsed() > BEGIN {
+                    return Err(late(arm, "beginning of the motion", BEGIN));
+                }
+            }
+            status => return Err(stopped(arm, status)),
+        }
+        if begun.elapsed() > limit {
+            return Err(late(arm, "end of the motion", limit));
+        }
+    }
+}
+
+/// Waits until the arm neither moves nor is about to.
+fn rest(arm: &impl Controller) -> Result<(), ArmError> {
+    let ordered = Instant::now();
+    let (mut count, state) = arm.feed().newest(arm.address(), arm.limits().silence)?;
+    let mut stillness = Stillness::new(state.joints);
+    loop {
+        let (newer, state) = arm.feed().after(count, arm.address(), arm.limits().silence)?;
+        count = newer;
+        let still = stillness.update(&state.joints);
+        if still >= REST && !matches!(state.status, ArmStatus::Running | ArmStatus::Paused) {
+            return Ok(());
+        }
+        if ordered.elapsed() > STOP {
+            return Err(late(arm, "standstill", STOP));
+        }
+    }
+}
