@@ -1,0 +1,34 @@
+//! Where camera and light were: a ChArUco board for the camera, touches of the board for the light.
+//!
+//! A [`Board`] is printed ([`Sheet`]), laid in the middle of the rig, and [`detect`]ed in an image from every waypoint;
+//! [`calibrate`] fits one lens and all viewpoints together, and registers the light's arm by its touches. The
+//! [`Calibration`] is [`store`]d, and a later [`recheck`] says whether it still holds.
+
+mod adjustment;
+mod board;
+mod calibrate;
+mod detection;
+mod dictionary;
+mod frames;
+mod homography;
+mod lens;
+mod light;
+mod recheck;
+mod report;
+mod robust;
+mod saddle;
+mod sheet;
+mod store;
+mod viewpoint;
+mod zhang;
+
+pub use board::{Board, BoardError};
+pub use calibrate::{
+    Calibration, CalibrationError, LeftOut, Measurements, Waypoint, WaypointView, calibrate,
+};
+pub use detection::{Corner, DetectionError, detect};
+pub use dictionary::{Dictionary, UnknownDictionary};
+pub use light::{LightRegistration, Touch, TouchError, register_light};
+pub use recheck::{Recheck, RecheckError, Shift, Tolerance, recheck};
+pub use sheet::Sheet;
+pub use store::{FORMAT, StoreError, load, store};
