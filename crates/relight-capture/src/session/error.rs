@@ -1,0 +1,91 @@
+//! What can end a session early.
+
+use std::path::PathBuf;
+
+use relight_scene::SceneError;
+
+use crate::camera::CameraError;
+
+/// Why a rig did not do what it was asked.
+#[derive(Debug, thiserror::Error)]
+pub enum RigFault {
+    /// An arm did not arrive.
+    #[error("an arm did not get there: {0}")]
+    Motion(#[source] Box<dyn std::error::Error + Send + Sync>),
+    /// There is no photograph.
+    #[error(transparent)]
+    Camera(#[from] CameraError),
+}
+
+/// Why a session ended early. All that was shot until then is kept, and a resumed session goes on from there.
+#[derive(Debug, thiserror::Error)]
+pub enum SessionError {
+    /// There is a session already.
+    #[error("{}: holds a session already. Go on with it (--resume), or name another folder.", .0.display())]
+    Begun(PathBuf),
+    /// Something else is there.
+    #[error("{}: is not empty, and holds no session. Name another folder.", .0.display())]
+    NotEmpty(PathBuf),
+    /// The session that is there is another one.
+    #[error("{}: {problem}", path.display())]
+    Other {
+        /// The file that says so.
+        path: PathBuf,
+        /// What differs, and what to do.
+        problem: String,
+    },
+    /// The journal is damaged.
+    #[error("{}: line {line} {problem}. Remove the line and all behind it: their frames are then shot again.", path.display())]
+    Journal {
+        /// The journal.
+        path: PathBuf,
+        /// The line, from 1.
+        line: usize,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// The rig failed.
+    #[error("view {view} under light {light}: {fault}")]
+    Rig {
+        /// The view that was being shot.
+        view: usize,
+        /// The light that shone.
+        light: usize,
+        /// What happened.
+        #[source]
+        fault: RigFault,
+    },
+    /// A frame stayed incomplete.
+    #[error(
+        "view {view} under light {light}: {tries} tries, each time {last}. Check cable, bandwidth and packet size of the camera."
+    )]
+    Tries {
+        /// The view.
+        view: usize,
+        /// The light.
+        light: usize,
+        /// How often it was tried.
+        tries: u32,
+        /// What the last try said.
+        last: CameraError,
+    },
+    /// A file of the scene cannot be read or written.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// A file of the session cannot be read or written.
+    #[error("{}: {error}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What happened.
+        error: std::io::Error,
+    },
+}
+
+impl SessionError {
+    /// An error of reading or writing `path`.
+    pub(crate) fn io(path: impl Into<PathBuf>) -> impl FnOnce(std::io::Error) -> SessionError {
+        let path = path.into();
+        move |error| SessionError::Io { path, error }
+    }
+}

@@ -1,0 +1,121 @@
+//! What a session remembers of itself: what is captured, and the journal.
+
+use std::fs;
+use std::io::Write;
+use std::path::Path;
+
+use relight_scene::{UNFINISHED, read_text, write_whole};
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+use super::error::SessionError;
+use super::{Journal, Shots};
+
+/// The folder of a session's own files, inside the scene's.
+pub const STATE: &str = ".capture";
+/// What is captured.
+const SUBJECT: &str = "session.json";
+const JOURNAL: &str = "journal.jsonl";
+const FORMAT: &str = "relight-session";
+const VERSION: u64 = 1;
+const LONGEST: u64 = 1 << 26;
+
+/// What stands before the camera and how it is shot, in words and numbers of whoever starts the session: all that makes
+/// its frames what they are.
+pub type Subject = Map<String, Value>;
+
+#[derive(Serialize, Deserialize)]
+struct File {
+    format: String,
+    version: u64,
+    subject: Subject,
+    /// Poses, row-major `[R | t]`.
+    cameras: Vec<[[f64; 4]; 3]>,
+    lights: Vec<[[f64; 4]; 3]>,
+}
+
+/// Begins a session in `out`, or opens the one that is there.
+pub(super) fn open(
+    out: &Path,
+    subject: &Subject,
+    shots: &Shots,
+    resume: bool,
+) -> Result<Journal, SessionError> {
+    let state = out.join(STATE);
+    let path = state.join(SUBJECT);
+    let poses = |poses: &[relight_scene::Pose]| poses.iter().map(|pose| pose.0).collect();
+    let file = File {
+        format: FORMAT.to_owned(),
+        version: VERSION,
+        subject: subject.clone(),
+        cameras: poses(&shots.cameras),
+        lights: poses(&shots.lights),
+    };
+    if path.try_exists().map_err(SessionError::io(&path))? {
+        if !resume {
+            return Err(SessionError::Begun(out.to_owned()));
+        }
+        compare(&path, &file)?;
+    } else {
+        if !is_fresh(out)? {
+            return Err(SessionError::NotEmpty(out.to_owned()));
+        }
+        fs::create_dir_all(&state).map_err(SessionError::io(&state))?;
+        let json = serde_json::to_vec_pretty(&file).map_err(|error| SessionError::io(&path)(error.into()))?;
+        write_whole(&path, |file| file.write_all(&json)).map_err(SessionError::io(&path))?;
+    }
+    Journal::open(&state.join(JOURNAL))
+}
+
+/// Whether nothing is there but what a session leaves that was killed before it had begun.
+fn is_fresh(out: &Path) -> Result<bool, SessionError> {
+    let unfinished = format!("{SUBJECT}{UNFINISHED}");
+    for (folder, known) in [(out.to_owned(), STATE), (out.join(STATE), unfinished.as_str())] {
+        if !folder.try_exists().map_err(SessionError::io(&folder))? {
+            continue;
+        }
+        for entry in fs::read_dir(&folder).map_err(SessionError::io(&folder))? {
+            if entry.map_err(SessionError::io(&folder))?.file_name() != known {
+                return Ok(false);
+            }
+        }
+    }
+    Ok(true)
+}
+
+/// Refuses to go on with a session of something else.
+fn compare(path: &Path, file: &File) -> Result<(), SessionError> {
+    let other = |problem: String| SessionError::Other { path: path.to_owned(), problem };
+    let malformed =
+        |error: serde_json::Error| other(format!("is damaged: {error}. Start anew in another folder."));
+    let text = read_text(path, LONGEST)?;
+    let value: Value = serde_json::from_str(&text).map_err(malformed)?;
+    if value["format"] != FORMAT || value["version"] != VERSION {
+        let (format, version) = (&value["format"], &value["version"]);
+        return Err(other(format!(
+            "is of format {format} version {version}, and only \"{FORMAT}\" version {VERSION} is known. Use the program \
+             that began the session."
+        )));
+    }
+    let begun: File = serde_json::from_value(value).map_err(malformed)?;
+    let keys = file.subject.keys().chain(begun.subject.keys());
+    for key in keys {
+        let (now, then) = (file.subject.get(key), begun.subject.get(key));
+        if now != then {
+            let tell = |value: Option<&Value>| value.map_or("nothing".to_owned(), Value::to_string);
+            return Err(other(format!(
+                "the session was begun with {key} {}, not {}. Resume it as it was begun, or start anew in another folder.",
+                tell(then),
+                tell(now)
+            )));
+        }
+    }
+    if (&begun.cameras, &begun.lights) != (&file.cameras, &file.lights) {
+        return Err(other(
+            "the session was begun with other poses. Resume it with its own plan and calibration, or start anew in \
+             another folder."
+                .to_owned(),
+        ));
+    }
+    Ok(())
+}
