@@ -1,0 +1,127 @@
+//! Energy, reciprocity and sampling of every material.
+
+use std::f32::consts::PI;
+
+use glam::Vec3A;
+
+use super::super::bsdf::Facing;
+use super::super::material::Surface;
+use super::super::random::{hash, stratified, uniform};
+use super::super::{Material, Texture};
+
+fn materials(colour: f32) -> Vec<(String, Material)> {
+    let reflectance = || Texture::Uniform([colour; 3]);
+    let mut all = vec![
+        ("lambert".to_owned(), Material::Lambert { reflectance: reflectance() }),
+        (
+            "translucent".to_owned(),
+            Material::Translucent {
+                reflectance: Texture::Uniform([0.6 * colour; 3]),
+                transmittance: Texture::Uniform([0.4 * colour; 3]),
+            },
+        ),
+    ];
+    for alpha in [0.05, 0.2, 0.5, 1.0] {
+        all.push((format!("metal {alpha}"), Material::Conductor { reflectance: reflectance(), alpha }));
+        for ior in [1.3, 1.5] {
+            let glossy = Material::Glossy { reflectance: reflectance(), alpha, ior };
+            all.push((format!("glossy {alpha} {ior}"), glossy));
+        }
+    }
+    all
+}
+
+fn facing(cosine: f32) -> Facing {
+    let viewer = Vec3A::new((1.0 - cosine * cosine).sqrt(), 0.0, cosine);
+    Facing::towards(viewer, Vec3A::Z, Vec3A::Z)
+}
+
+/// Share of light from everywhere that goes to the viewer, by drawing bounces.
+fn albedo(material: &Material, cosine: f32, seed: u64) -> Vec3A {
+    let surface = Surface::new(material).unwrap();
+    let bsdf = surface.bsdf([0.0; 2], Vec3A::ZERO, false);
+    let count = 1 << 16;
+    let drawn = (0..count).filter_map(|i| {
+        let choice = uniform(hash(&[seed, u64::from(i)]));
+        bsdf.sample(&facing(cosine), stratified(i, seed), choice)
+    });
+    drawn.map(|bounce| bounce.weight).sum::<Vec3A>() / count as f32
+}
+
+/// The same, by adding up what `eval` says over a grid of directions.
+fn summed(material: &Material, cosine: f32) -> f32 {
+    let surface = Surface::new(material).unwrap();
+    let bsdf = surface.bsdf([0.0; 2], Vec3A::ZERO, false);
+    let side = 1200;
+    let mut sum = 0.0f64;
+    for i in 0..side {
+        for j in 0..side {
+            let z = (2 * i + 1) as f32 / side as f32 - 1.0;
+            let angle = (j as f32 + 0.5) / side as f32 * 2.0 * PI;
+            let ring = (1.0 - z * z).sqrt();
+            let light = Vec3A::new(ring * angle.cos(), ring * angle.sin(), z);
+            sum += f64::from(bsdf.eval(&facing(cosine), light).x);
+        }
+    }
+    (sum / f64::from(side * side)) as f32 * 4.0 * PI
+}
+
+#[test]
+fn white_surfaces_in_a_white_room_vanish() {
+    for (name, material) in materials(1.0) {
+        for cosine in [0.08, 0.3, 0.7, 1.0] {
+            let share = albedo(&material, cosine, 5).x;
+            assert!((share - 1.0).abs() < 0.01, "{name} at {cosine}: {share}");
+        }
+    }
+}
+
+#[test]
+fn dark_surfaces_keep_some_light() {
+    for (name, material) in materials(0.3) {
+        for cosine in [0.3, 1.0] {
+            let share = albedo(&material, cosine, 5).x;
+            assert!((0.1..0.8).contains(&share), "{name} at {cosine}: {share}");
+        }
+    }
+}
+
+#[test]
+fn drawn_directions_agree_with_the_scattering_function() {
+    for (name, material) in materials(0.7) {
+        for cosine in [0.3, 0.9] {
+            let (drawn, summed) = (albedo(&material, cosine, 9).x, summed(&material, cosine));
+            assert!((drawn / summed - 1.0).abs() < 0.01, "{name} at {cosine}: {drawn} {summed}");
+        }
+    }
+}
+
+#[test]
+fn light_and_viewer_can_be_exchanged() {
+    for (name, material) in materials(0.7) {
+        let surface = Surface::new(&material).unwrap();
+        let bsdf = surface.bsdf([0.0; 2], Vec3A::ZERO, false);
+        for i in 0..200 {
+            let upper = |seed| {
+                let [u, v] = stratified(i, seed);
+                let z = 0.05 + 0.95 * u;
+                let ring = (1.0 - z * z).sqrt();
+                Vec3A::new(ring * (2.0 * PI * v).cos(), ring * (2.0 * PI * v).sin(), z)
+            };
+            let (a, b) = (upper(1), upper(2));
+            let one = bsdf.eval(&Facing::towards(a, Vec3A::Z, Vec3A::Z), b).x / b.z;
+            let other = bsdf.eval(&Facing::towards(b, Vec3A::Z, Vec3A::Z), a).x / a.z;
+            assert!((one - other).abs() <= 2e-4 * one.max(other), "{name}: {one} {other}");
+        }
+    }
+}
+
+#[test]
+fn nothing_opaque_lets_light_through() {
+    for (name, material) in materials(0.7) {
+        let surface = Surface::new(&material).unwrap();
+        let bsdf = surface.bsdf([0.0; 2], Vec3A::ZERO, false);
+        let below = bsdf.eval(&facing(0.8), Vec3A::new(0.6, 0.0, -0.8)).x;
+        assert_eq!(below > 0.0, name == "translucent", "{name}: {below}");
+    }
+}
