@@ -12,7 +12,7 @@ use std::process::ExitCode;
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand};
 
-use commands::{compare, demo, eval, export, profile, query, render, scene, train};
+use commands::{capture, compare, demo, eval, export, profile, query, render, scene, train};
 
 /// Turns one-light-at-a-time photographs into a scene that can be seen and lit from anywhere.
 ///
@@ -48,6 +48,7 @@ struct Cli {
 enum Command {
     Demo(demo::Args),
     Scene(scene::Args),
+    Capture(capture::Args),
     Train(train::Args),
     Eval(eval::Args),
     Render(render::Args),
@@ -58,7 +59,7 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = Cli::parse_from(capture::kinematics::join_numbers(std::env::args_os()));
     if let Command::Render(args) = &cli.command
         && let Err(error) = args.check()
     {
@@ -82,6 +83,7 @@ fn run(cli: Cli) -> anyhow::Result<()> {
     match cli.command {
         Command::Demo(args) => demo::run(&args, quiet),
         Command::Scene(args) => scene::run(&args, quiet),
+        Command::Capture(args) => capture::run(&args, quiet),
         Command::Train(args) => train::run(&args, quiet),
         Command::Eval(args) => eval::run(&args, quiet),
         Command::Render(args) => render::run(&args, quiet),

@@ -6,15 +6,13 @@
 mod common;
 
 use common::{TINY, Workshop, metrics};
-use relight_train::demo_scene::DemoScene;
 
 #[test]
 fn a_trained_field_beats_what_can_be_had_without_learning() {
-    let scene = DemoScene { views: 30, lights: 12, width: 48, height: 36 };
     let recipe = "rays-per-step = 512\nlights-per-ray = 4\nepoch = 300\n\
         [sampling.guided]\nsamples = 24\n\
         [grid]\nlevels = 8\nfeatures = 2\nlog2_table = 14\nbase = 8\nfinest = 128\n";
-    let shop = Workshop::with(scene, recipe);
+    let shop = Workshop::with([30, 12], [48, 36], recipe);
     shop.succeed("train scene --out run --recipe recipe.toml --steps 600");
     for split in ["val", "easy", "hard"] {
         let scores = shop.json(&format!("eval run --split {split} --json"));
@@ -113,7 +111,7 @@ fn a_run_that_was_killed_before_its_first_checkpoint_is_begun_again_as_it_was() 
 #[test]
 fn without_a_budget_training_ends_when_validation_stops_improving() {
     let recipe = format!("horizon = 15\npatience = 2\nimprovement = 1000.0\n{TINY}");
-    let shop = Workshop::with(DemoScene { views: 8, lights: 6, width: 24, height: 18 }, &recipe);
+    let shop = Workshop::with([8, 6], [24, 18], &recipe);
     shop.succeed("train scene --out run --recipe recipe.toml");
     assert_eq!(metrics(&shop.path("run")).last().unwrap()["step"], 30);
 }
@@ -121,7 +119,7 @@ fn without_a_budget_training_ends_when_validation_stops_improving() {
 #[test]
 fn a_grid_that_the_recipe_leaves_open_is_fitted_to_the_images_and_kept() {
     let recipe = "rays-per-step = 32\nepoch = 10\n[sampling.guided]\nsamples = 8\n";
-    let shop = Workshop::with(DemoScene { views: 8, lights: 6, width: 24, height: 18 }, recipe);
+    let shop = Workshop::with([8, 6], [24, 18], recipe);
     shop.succeed("train scene --out run --recipe recipe.toml --steps 5");
     let config = std::fs::read_to_string(shop.path("run/config.toml")).unwrap();
     // Images this small ask for the coarsest.

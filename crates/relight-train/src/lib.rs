@@ -9,7 +9,6 @@
 pub mod baselines;
 pub mod batch;
 pub mod checkpoint;
-pub mod demo_scene;
 mod error;
 pub mod evaluation;
 pub mod fineness;

@@ -7,12 +7,13 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use anyhow::{bail, ensure};
+use relight_capture::session::{self, Ending as Shot};
+use relight_capture::virtual_rig::VirtualCapture;
 use relight_field::engine::{Engine, Outputs, RenderSettings};
 use relight_render::{Film, Map, focus, paths, render};
 use relight_scene::{Image, PixelStore, Scene, Split};
 use relight_train::Report;
 use relight_train::baselines::{NearestLight, mean_image};
-use relight_train::demo_scene::DemoScene;
 use relight_train::evaluation::{Evaluation, Scores, evaluate};
 use relight_train::recipe::Recipe;
 use relight_train::run::{RunConfig, RunFolder, write_whole};
@@ -24,8 +25,13 @@ use crate::engines::{self, Device};
 use crate::preparation::{Prepared, Wish, open, train};
 use crate::report_page::ReportPage;
 
-/// The scene: small enough to train in a minute or two, large enough to see.
-const SCENE: DemoScene = DemoScene { views: 36, lights: 20, width: 96, height: 72 };
+/// The object, and how it is captured: small enough to shoot and train in two minutes, large enough to see.
+const OBJECT: &str = "fruit";
+const VIEWS: usize = 36;
+const LIGHTS: usize = 20;
+const WIDTH: u32 = 96;
+const HEIGHT: u32 = 72;
+const SAMPLES: u32 = 32;
 /// Frames of the film, and how many of them a second.
 const FRAMES: usize = 72;
 const FRAME_RATE: NonZeroU32 = NonZeroU32::new(24).unwrap();
@@ -34,11 +40,11 @@ const ENLARGED: u32 = 2;
 /// Held-out images shown on the page.
 const SHOWN: usize = 3;
 
-/// Make a tiny scene, train on it, score it, relight it: about two minutes, nothing else needed.
+/// Capture a small scene, train on it, score it, relight it: under three minutes, nothing else needed.
 ///
-/// Traces a box and a ball in a papered corner (36 cameras, 20 lights), writes them as a folder in the layout of ReNe,
-/// trains the paper's model on it, scores views and lights that it has not seen beside baselines that learn nothing,
-/// and lets the light move through a view in a film. Open index.html in the folder afterwards.
+/// Shoots an object on the virtual rig (36 cameras, 20 lights) into a folder in the layout of ReNe, trains the paper's model on
+/// it, scores views and lights that it has not seen beside baselines that learn nothing, and lets the light move through a
+/// view in a film. Open index.html in the folder afterwards.
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  relight demo --out demo && xdg-open demo/index.html")]
 pub struct Args {
@@ -120,13 +126,33 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
 
 /// Makes the scene in `folder`, looks at it, and settles how to train on it.
 fn prepare(folder: &Path, wish: Wish, quiet: bool) -> anyhow::Result<(Prepared, RunConfig)> {
-    // From here on Ctrl-C stops between two images.
-    cancel_flag()?;
-    SCENE.write(folder)?;
+    shoot(folder, quiet)?;
     let (scene, splits) = open(folder)?;
     let mut data = Prepared::load(scene, splits, quiet)?;
     let config = data.plan(wish)?;
     Ok((data, config))
+}
+
+/// Captures the object on the virtual rig.
+fn shoot(folder: &Path, quiet: bool) -> anyhow::Result<()> {
+    let capture = VirtualCapture {
+        object: OBJECT.to_owned(),
+        views: VIEWS,
+        lights: LIGHTS,
+        width: WIDTH,
+        height: HEIGHT,
+        samples: SAMPLES,
+        seed: 0,
+    };
+    let cancel = cancel_flag()?;
+    let bar = Progress::new("shooting", (VIEWS * LIGHTS) as u64, quiet);
+    let ending = capture.shoot(folder, false, &mut |session::Progress { done, total, .. }| {
+        bar.update(done as u64, total as u64, || format!("{done} of {total} photographs"));
+        unless(cancel)
+    });
+    bar.clear();
+    ensure!(ending? != Shot::Stopped, "stopped before the scene was shot");
+    Ok(())
 }
 
 /// A film of the first test view in which the light moves.
@@ -175,12 +201,9 @@ struct Told<'a> {
 fn page(told: &Told<'_>) -> anyhow::Result<String> {
     let mut page = ReportPage::new("relight: a scene learnt from photographs, lit anew");
     page.paragraph(&format!(
-        "The program traced a box and a ball in a papered corner: {} views under {} lights, {}x{} pixels. From {} of the \
-         photographs it learnt the paper's model v5 ({}), then drew views and lights that it had not seen.",
-        SCENE.views,
-        SCENE.lights,
-        SCENE.width,
-        SCENE.height,
+        "The virtual rig photographed an object, one light on at a time: {VIEWS} views under {LIGHTS} lights, {WIDTH}x{HEIGHT} \
+         pixels. From {} of the photographs the program learnt the paper's model v5 ({}), then drew views and lights that it \
+         had not seen.",
         told.train.len(),
         told.training
     ));
@@ -274,15 +297,15 @@ fn overview(scene: &Scene, shown: &[(usize, Image)]) -> anyhow::Result<Image> {
     let zoom = ENLARGED as usize;
     let mut data = Vec::new();
     for row in [photographs.iter().collect::<Vec<_>>(), shown.iter().map(|(_, drawn)| drawn).collect()] {
-        for v in 0..SCENE.height as usize * zoom {
+        for v in 0..HEIGHT as usize * zoom {
             for image in &row {
                 let line = image.data.chunks(3 * image.width as usize).nth(v / zoom).unwrap_or_default();
                 data.extend(line.chunks(3).flat_map(|pixel| pixel.repeat(zoom)));
             }
         }
     }
-    let width = SCENE.width * ENLARGED * shown.len() as u32;
-    Ok(Image { width, height: 2 * SCENE.height * ENLARGED, data })
+    let width = WIDTH * ENLARGED * shown.len() as u32;
+    Ok(Image { width, height: 2 * HEIGHT * ENLARGED, data })
 }
 
 /// Writes a picture beside the page and hands its bytes to the page.

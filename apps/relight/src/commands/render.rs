@@ -160,7 +160,7 @@ fn resized(lens: &Intrinsics, size: Option<(u32, u32)>) -> Intrinsics {
 }
 
 /// A size as `640x480`.
-fn size(text: &str) -> Result<(u32, u32), String> {
+pub fn size(text: &str) -> Result<(u32, u32), String> {
     let side = |text: &str| text.parse::<u32>().ok();
     let (width, height) = text
         .split_once(['x', 'X'])

@@ -4,10 +4,11 @@
 #![allow(dead_code, clippy::unwrap_used)]
 
 use std::fs;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
-use relight_train::demo_scene::DemoScene;
+use relight_capture::virtual_rig::VirtualCapture;
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -23,12 +24,15 @@ pub struct Workshop {
 
 impl Workshop {
     pub fn new() -> Self {
-        Self::with(DemoScene { views: 8, lights: 6, width: 24, height: 18 }, TINY)
+        Self::with([8, 6], [24, 18], TINY)
     }
 
-    pub fn with(scene: DemoScene, recipe: &str) -> Self {
+    /// With a scene of so many views and lights at a width and height, and a recipe.
+    pub fn with([views, lights]: [usize; 2], [width, height]: [u32; 2], recipe: &str) -> Self {
         let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
-        scene.write(&folder.path().join("scene")).unwrap();
+        let object = "wheel".to_owned();
+        let capture = VirtualCapture { object, views, lights, width, height, samples: 4, seed: 0 };
+        capture.shoot(&folder.path().join("scene"), false, &mut |_| ControlFlow::Continue(())).unwrap();
         fs::write(folder.path().join("recipe.toml"), recipe).unwrap();
         Self { folder }
     }

@@ -5,10 +5,10 @@
 use std::ops::ControlFlow;
 use std::path::Path;
 
+use relight_capture::virtual_rig::VirtualCapture;
 use relight_field::engine::*;
 use relight_field::parameters::{GridConfig, Parameters};
 use relight_scene::{PixelStore, Scene, Splits, scene_bounds};
-use relight_train::demo_scene::DemoScene;
 use relight_train::recipe::Recipe;
 use relight_train::run::{FORMAT, RunConfig, splits_fingerprint};
 use relight_train::schedule::Budget;
@@ -22,7 +22,9 @@ pub struct Data {
 
 /// Writes a scene of 8 views x 6 lights at 24x18 to `root` and opens it.
 pub fn tiny_scene(root: &Path) -> Data {
-    DemoScene { views: 8, lights: 6, width: 24, height: 18 }.write(root).unwrap();
+    let object = "wheel".to_owned();
+    let capture = VirtualCapture { object, views: 8, lights: 6, width: 24, height: 18, samples: 4, seed: 0 };
+    capture.shoot(root, false, &mut |_| ControlFlow::Continue(())).unwrap();
     let scene = Scene::open(root).unwrap();
     let splits = Splits::of(&scene).unwrap();
     let pixels = PixelStore::load(&scene, &splits.train, &|_, _| ControlFlow::Continue(())).unwrap();

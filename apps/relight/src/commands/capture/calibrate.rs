@@ -1,0 +1,215 @@
+//! `relight capture calibrate`: lens, camera waypoints and light from photographs and touches of a board.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use anyhow::{Context, bail, ensure};
+use rayon::prelude::*;
+use relight_capture::calibration::{
+    Board, Calibration, Dictionary, Measurements, Tolerance, Touch, WaypointView, calibrate, load, recheck,
+    store,
+};
+use relight_scene::{Pose, read_image, read_text};
+use serde::Deserialize;
+
+use crate::console::{Progress, print_json, print_line};
+
+/// A board file's longest length, bytes.
+const LONGEST: u64 = 1 << 20;
+/// What a session holds.
+const BOARD: &str = "board.toml";
+const VIEWS: &str = "board";
+const RECHECK: &str = "recheck";
+const CALIBRATION: &str = "calibration.json";
+
+/// Calibrate the lens, every camera waypoint and the light's arm from photographs and touches of a ChArUco board.
+///
+/// Reads SESSION/board.toml and the photographs SESSION/board/LABEL.png, one a waypoint (LABEL-2.png and so on for more of the
+/// same), refines lens and viewpoints together, and writes SESSION/calibration.json. The residuals of each waypoint are told in
+/// pixels and millimetres, and bad ones by name: shoot them again.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  relight capture calibrate SESSION\n  \
+                  relight capture calibrate SESSION --recheck    does it still hold? photographs SESSION/recheck/LABEL.png\n\n\
+                  SESSION/board.toml:\n\n  \
+                  columns = 9                              # squares\n  \
+                  rows = 7\n  \
+                  square-metres = 0.02                     # measured on the print\n  \
+                  marker-metres = 0.015\n  \
+                  dictionary = \"DICT_4X4_50\"\n  \
+                  # The board lies flat in the middle of the world (+X along its columns, +Z out of the paper), or where\n  \
+                  # this says: board-to-world = [16 numbers]\n\n  \
+                  # Where the tip of the light's arm touched the board, metres: three or more touches, not on a line; or one,\n  \
+                  # and light-base-to-world = [16 numbers], whose rotation is taken.\n  \
+                  [[touches]]\n  \
+                  on-board-metres = [0.0, 0.0, 0.0]        # the board's frame: its outer corner at the top left\n  \
+                  in-arm-metres = [-0.31, 0.12, 0.004]     # the frame of the arm's base")]
+pub struct Args {
+    /// Folder of the session.
+    session: PathBuf,
+    /// Say whether the stored calibration still holds, by new photographs of some waypoints; exit status 1 if not.
+    #[arg(long)]
+    recheck: bool,
+    /// One JSON object on standard output.
+    #[arg(long)]
+    json: bool,
+}
+
+/// `board.toml`.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+struct BoardFile {
+    columns: u32,
+    rows: u32,
+    square_metres: f64,
+    marker_metres: f64,
+    dictionary: String,
+    board_to_world: Option<[f64; 16]>,
+    light_base_to_world: Option<[f64; 16]>,
+    #[serde(default)]
+    touches: Vec<TouchFile>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+struct TouchFile {
+    on_board_metres: [f64; 3],
+    in_arm_metres: [f64; 3],
+}
+
+pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
+    let path = args.session.join(BOARD);
+    let named = || path.display().to_string();
+    let text = read_text(&path, LONGEST)?;
+    let file: BoardFile = toml::from_str(&text).with_context(named)?;
+    let dictionary = Dictionary::named(&file.dictionary).with_context(named)?;
+    let board = Board::new(file.columns, file.rows, file.square_metres, file.marker_metres, dictionary)
+        .with_context(named)?;
+    if args.recheck {
+        return check(args, &board, quiet);
+    }
+    let pose = |key: &str, numbers: &Option<[f64; 16]>| -> anyhow::Result<Option<Pose>> {
+        numbers
+            .as_ref()
+            .map(Pose::from_matrix)
+            .transpose()
+            .with_context(|| format!("{}: {key}", path.display()))
+    };
+    let board_to_world = pose("board-to-world", &file.board_to_world)?.unwrap_or_else(|| board.lying_flat());
+    let declared_alignment = pose("light-base-to-world", &file.light_base_to_world)?;
+    let (views, image_size) = look(&args.session.join(VIEWS), &board, quiet)?;
+    let touches: Vec<Touch> =
+        file.touches.iter().map(|t| Touch { on_board: t.on_board_metres, in_arm: t.in_arm_metres }).collect();
+    let calibration = calibrate(&Measurements {
+        board: &board,
+        board_to_world,
+        image_size,
+        views: &views,
+        touches: &touches,
+        declared_alignment,
+    })
+    .with_context(|| args.session.display().to_string())?;
+    let out = args.session.join(CALIBRATION);
+    let made = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
+    store(&calibration, made, &out)?;
+    tell(&calibration, &out, args.json)
+}
+
+/// The calibration, for people or as its file has it.
+fn tell(calibration: &Calibration, file: &Path, json: bool) -> anyhow::Result<()> {
+    if json {
+        let value: serde_json::Value = serde_json::from_str(&fs::read_to_string(file)?)?;
+        return print_json(&value);
+    }
+    print_line(&format!("{calibration}{}", file.display()))
+}
+
+/// Whether the stored calibration still holds.
+fn check(args: &Args, board: &Board, quiet: bool) -> anyhow::Result<()> {
+    let file = args.session.join(CALIBRATION);
+    let (calibration, _) = load(&file)?;
+    ensure!(
+        calibration.board == *board,
+        "{}: was made with another board than {} tells of; calibrate anew",
+        file.display(),
+        args.session.join(BOARD).display()
+    );
+    let (views, _) = look(&args.session.join(RECHECK), board, quiet)?;
+    let found = recheck(&calibration, &views, Tolerance::default())?;
+    if args.json {
+        print_json(&found)?;
+    } else {
+        print_line("waypoint  corners  shift px  shift mm  camera moved mm")?;
+        for w in &found.waypoints {
+            let number = |value: Option<f64>| value.map_or("-".to_owned(), |v| format!("{v:.3}"));
+            let [pixels, shift, moved] =
+                [w.pixels, w.metres.map(|m| m * 1e3), w.camera_moved.map(|m| m * 1e3)];
+            let says = if w.has_moved { "  moved" } else { "" };
+            let (pixels, shift, moved) = (number(pixels), number(shift), number(moved));
+            print_line(&format!(
+                "{:8}  {:7}  {pixels:>8}  {shift:>8}  {moved:>15}{says}",
+                w.label, w.corners
+            ))?;
+        }
+    }
+    if !found.holds {
+        bail!("{}: no longer holds; calibrate anew", file.display());
+    }
+    Ok(())
+}
+
+/// The corners in the photographs of a folder, by waypoint, and the size of these.
+fn look(folder: &Path, board: &Board, quiet: bool) -> anyhow::Result<(Vec<WaypointView>, (u32, u32))> {
+    let photographs = photographs(folder)?;
+    let bar = Progress::new("detecting", photographs.len() as u64, quiet);
+    let done = std::sync::atomic::AtomicU64::new(0);
+    let seen = photographs.par_iter().map(|(label, path)| -> anyhow::Result<_> {
+        let image = read_image(path)?;
+        let size = (image.width, image.height);
+        let view =
+            WaypointView::of_images(*label, &[image], board).with_context(|| path.display().to_string())?;
+        let done = 1 + done.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        bar.update(done, photographs.len() as u64, String::new);
+        Ok((view, size))
+    });
+    let seen: Vec<_> = seen.collect::<anyhow::Result<_>>()?;
+    bar.clear();
+    let mut views: Vec<WaypointView> = Vec::new();
+    let size = seen.first().map_or((0, 0), |(_, size)| *size);
+    for ((view, this), (_, path)) in seen.into_iter().zip(&photographs) {
+        ensure!(
+            this == size,
+            "{}: is {}x{}, others are {}x{}",
+            path.display(),
+            this.0,
+            this.1,
+            size.0,
+            size.1
+        );
+        match views.last_mut().filter(|last| last.label == view.label) {
+            Some(last) => last.corners.extend(view.corners),
+            None => views.push(view),
+        }
+    }
+    Ok((views, size))
+}
+
+/// Photographs of a folder with the waypoint that each is of, by waypoint.
+fn photographs(folder: &Path) -> anyhow::Result<Vec<(usize, PathBuf)>> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).with_context(|| folder.display().to_string())? {
+        let path = entry.with_context(|| folder.display().to_string())?.path();
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        if stem.starts_with('.') {
+            continue;
+        }
+        let label = stem.split('-').next().and_then(|digits| digits.parse().ok());
+        let label = label.with_context(|| {
+            format!("{}: is named after no waypoint; photographs are named like 00013.png", path.display())
+        })?;
+        found.push((label, path));
+    }
+    ensure!(!found.is_empty(), "{}: holds no photographs; name them like 00013.png", folder.display());
+    found.sort();
+    Ok(found)
+}

@@ -1,0 +1,101 @@
+//! Capturing on the virtual rig, as a user meets it.
+
+// Helpers outside of test functions.
+#![allow(clippy::unwrap_used)]
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+use std::thread::sleep;
+use std::time::Duration;
+
+use relight_scene::{Scene, Splits};
+use tempfile::TempDir;
+
+/// A capture that takes a second or two.
+const SMALL: &str = "capture run --object wheel --views 6 --lights 5 --size 40x30 --samples 8";
+
+fn folder() -> TempDir {
+    tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap()
+}
+
+fn command(folder: &TempDir, arguments: &str) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_relight"));
+    command.current_dir(folder.path()).args(arguments.split_whitespace()).stdin(Stdio::null());
+    command
+}
+
+fn run(folder: &TempDir, arguments: &str) -> Output {
+    command(folder, arguments).output().unwrap()
+}
+
+/// What a command says that must fail with 1.
+fn fail(folder: &TempDir, arguments: &str) -> String {
+    let output = run(folder, arguments);
+    assert_eq!(output.status.code(), Some(1), "{arguments}");
+    String::from_utf8(output.stderr).unwrap()
+}
+
+/// Every file of a folder.
+fn contents(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        if path.is_dir() {
+            found
+                .extend(contents(&path).into_iter().map(|(inner, bytes)| (format!("{name}/{inner}"), bytes)));
+        } else {
+            found.insert(name, fs::read(&path).unwrap());
+        }
+    }
+    found
+}
+
+#[test]
+fn a_session_killed_at_twenty_moments_ends_as_one_that_never_was() {
+    let folder = folder();
+    let straight = run(&folder, &format!("{SMALL} --out straight"));
+    assert!(straight.status.success(), "{}", String::from_utf8_lossy(&straight.stderr));
+    let scene = Scene::open(&folder.path().join("straight")).unwrap();
+    assert_eq!((scene.cameras.len(), scene.lights.len(), scene.frames.len()), (6, 5, 30));
+    assert!(!Splits::of(&scene).unwrap().hard.is_empty());
+    let kill_after = |milliseconds: u64| {
+        let mut child = command(&folder, &format!("{SMALL} --out killed --resume --quiet")).spawn().unwrap();
+        sleep(Duration::from_millis(milliseconds));
+        child.kill().unwrap();
+        child.wait().unwrap();
+    };
+    // Moments that are spread over all that happens, however fast the machine is: most come before the end.
+    (0..20).for_each(|i| kill_after(3 + 37 * i % 191));
+    let rest = run(&folder, &format!("{SMALL} --out killed --resume"));
+    assert!(rest.status.success(), "{}", String::from_utf8_lossy(&rest.stderr));
+    let (straight, killed) =
+        (contents(&folder.path().join("straight")), contents(&folder.path().join("killed")));
+    assert_eq!(killed.keys().collect::<Vec<_>>(), straight.keys().collect::<Vec<_>>());
+    assert!(killed == straight);
+}
+
+#[test]
+fn sessions_are_not_mixed_up_and_nothing_is_made_in_vain() {
+    let folder = folder();
+    let dry = run(&folder, &format!("{SMALL} --out scene --dry-run"));
+    assert!(
+        String::from_utf8_lossy(&dry.stdout)
+            .starts_with("6 views under 5 lights: 30 photographs of 40x30 pixels")
+    );
+    assert!(fail(&folder, "capture run --object unicorn --out scene").contains("wire-cube"));
+    assert!(fail(&folder, "capture run --object nowhere.glb --out scene --dry-run").contains("nowhere.glb"));
+    assert!(fail(&folder, "capture run --object wheel --views 0 --out scene").contains("[camera]"));
+    assert!(fail(&folder, "capture run --object wheel --samples 0 --out scene").contains("samples"));
+    assert!(!folder.path().join("scene").exists());
+    assert!(run(&folder, &format!("{SMALL} --out scene")).status.success());
+    assert!(fail(&folder, &format!("{SMALL} --out scene")).contains("--resume"));
+    let other = fail(&folder, &format!("{SMALL} --out scene --resume --seed 3"));
+    assert!(other.contains("begun with seed 0, not 3"), "{other}");
+    fs::create_dir(folder.path().join("thesis")).unwrap();
+    fs::write(folder.path().join("thesis/thesis.tex"), "").unwrap();
+    assert!(fail(&folder, &format!("{SMALL} --out thesis --resume")).contains("is not empty"));
+    assert_eq!(fs::read_dir(folder.path().join("thesis")).unwrap().count(), 1);
+}
