@@ -173,7 +173,9 @@ fn recipes_that_make_no_sense_are_refused_by_setting() {
         assert!(!shop.path("run").exists());
     }
     assert!(shop.fail("train scene --out run --device gpu --steps 1", 1).contains("--device cpu"));
-    assert!(shop.fail("train scene --out run --precision bf16 --steps 1", 2).contains("possible values: f32"));
+    assert!(
+        shop.fail("train scene --out run --precision bf16 --steps 1", 2).contains("possible values: f32")
+    );
 }
 
 #[test]
