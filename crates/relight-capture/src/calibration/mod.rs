@@ -6,10 +6,11 @@
 
 mod adjustment;
 mod board;
+mod board_file;
 mod calibrate;
 mod detection;
 mod dictionary;
-mod frames;
+pub(crate) mod frames;
 mod homography;
 mod lens;
 mod light;
@@ -17,12 +18,14 @@ mod recheck;
 mod report;
 mod robust;
 mod saddle;
+mod session_folder;
 mod sheet;
 mod store;
 mod viewpoint;
 mod zhang;
 
 pub use board::{Board, BoardError};
+pub use board_file::{BoardFile, BoardFileError};
 pub use calibrate::{
     Calibration, CalibrationError, LeftOut, Measurements, Waypoint, WaypointView, calibrate,
 };
@@ -30,5 +33,8 @@ pub use detection::{Corner, DetectionError, detect};
 pub use dictionary::{Dictionary, UnknownDictionary};
 pub use light::{LightRegistration, Touch, TouchError, register_light};
 pub use recheck::{Recheck, RecheckError, Shift, Tolerance, recheck};
+pub use session_folder::{
+    BOARD, CALIBRATION, LENS_VIEWS, RECHECK, ShootError, VIEWS, photograph_name, shoot_board,
+};
 pub use sheet::Sheet;
 pub use store::{FORMAT, StoreError, load, store};

@@ -13,6 +13,7 @@ use rayon::prelude::*;
 use relight_scene::{Camera, Image, Light};
 
 mod board;
+mod board_capture;
 mod bsdf;
 mod capture_rig;
 mod error;
@@ -37,7 +38,8 @@ mod transport;
 mod virtual_capture;
 mod weave;
 
-pub use board::PrintedBoard;
+pub use board::{PrintedBoard, charuco_board};
+pub use board_capture::{BoardCapture, BoardCaptureError, MOST_TOUCHES, TRUTH};
 pub use capture_rig::CaptureRig;
 pub use error::RigError;
 pub use lamp::Lamp;

@@ -13,7 +13,7 @@ use crate::session::{self, Ending, Progress, SessionError, Shots, Subject};
 use crate::trajectory::{Plan, PlanError, PlanSettings, Waypoint};
 
 /// The real rig's camera: a Basler acA1440-73gc with an 8 mm lens, as the dataset's `camera.yml` has it.
-const LENS: Intrinsics = Intrinsics {
+pub(super) const LENS: Intrinsics = Intrinsics {
     width: 1440,
     height: 1080,
     fx: 2321.0,
@@ -23,7 +23,7 @@ const LENS: Intrinsics = Intrinsics {
     distortion: Vec::new(),
 };
 /// Where its wedge of 57 degrees lies on the virtual stage: both walls are seen.
-const AZIMUTH_DEGREES: [f64; 2] = [-73.5, -16.5];
+pub(super) const AZIMUTH_DEGREES: [f64; 2] = [-73.5, -16.5];
 
 /// What is captured, and how finely. All numbers together make the capture what it is: equal ones, equal bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]

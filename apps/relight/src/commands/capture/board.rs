@@ -40,20 +40,20 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     print_line(&format!("{file}: {width:.1} x {height:.1} mm; print at 100 %"))
 }
 
-/// Which board.
+/// Which board; if nothing else is said, one that fills the rig's photographs and prints on A3.
 #[derive(clap::Args)]
 pub struct BoardOptions {
     /// Squares along x and y.
-    #[arg(long, value_name = "COLUMNSxROWS", value_parser = squares)]
+    #[arg(long, value_name = "COLUMNSxROWS", default_value = "12x9", value_parser = squares)]
     board: (u32, u32),
     /// Side of a square, metres.
-    #[arg(long, value_name = "METRES")]
+    #[arg(long, value_name = "METRES", default_value_t = 0.027)]
     square: f64,
     /// Side of a marker with its black rim, metres.
-    #[arg(long, value_name = "METRES")]
+    #[arg(long, value_name = "METRES", default_value_t = 0.02025)]
     marker: f64,
     /// The markers' dictionary, by OpenCV's name: DICT_4X4_50, …
-    #[arg(long, value_name = "NAME", value_parser = Dictionary::named)]
+    #[arg(long, value_name = "NAME", default_value = "DICT_5X5_100", value_parser = Dictionary::named)]
     dictionary: Dictionary,
 }
 

@@ -8,6 +8,7 @@ pub mod kinematics;
 mod partition;
 mod plan;
 mod run;
+mod shoot_board;
 
 /// Plan, calibrate and shoot a capture, on real robots or on the virtual rig.
 #[derive(clap::Args)]
@@ -24,6 +25,7 @@ enum Command {
     Kinematics(kinematics::Args),
     Board(board::Args),
     Detect(detect::Args),
+    ShootBoard(shoot_board::Args),
     Calibrate(calibrate::Args),
     Controller(controller::Args),
 }
@@ -36,6 +38,7 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         Command::Kinematics(args) => kinematics::run(args),
         Command::Board(args) => board::run(args),
         Command::Detect(args) => detect::run(args),
+        Command::ShootBoard(args) => shoot_board::run(args, quiet),
         Command::Calibrate(args) => calibrate::run(args, quiet),
         Command::Controller(args) => controller::run(args),
     }

@@ -1,0 +1,96 @@
+//! `relight capture shoot-board`: photographs and touches of a board, to calibrate by.
+
+use std::path::PathBuf;
+
+use anyhow::bail;
+use clap::ValueEnum;
+use relight_capture::virtual_rig::{BoardCapture, MOST_TOUCHES, TRUTH};
+
+use super::board::BoardOptions;
+use crate::commands::render::size;
+use crate::console::{Progress, cancel_flag, print_line, unless};
+
+/// Photograph a board from all camera waypoints, and touch it with the light's arm: a session to calibrate by.
+///
+/// The board lies flat in the middle of the world. After the waypoints come photographs for the lens alone: rolled cameras and
+/// a board tilted in all directions tell focal lengths and principal point apart, which waypoints that all look down at one
+/// place under the same tilt cannot. The virtual rig's arms come to rest with 0.03 mm of noise, and its sensor is noisy too.
+#[derive(clap::Args)]
+#[command(after_help = format!(
+    "Example:\n  relight capture shoot-board --out SESSION\n  relight capture calibrate SESSION\n\n\
+     Writes SESSION/board.toml, SESSION/board/LABEL.png, SESSION/lens/LABEL.png, and SESSION/{TRUTH}, which calibrating never reads."
+))]
+pub struct Args {
+    /// What shoots.
+    #[arg(long, default_value = "virtual")]
+    rig: RigKind,
+    /// Folder of the session, made anew.
+    #[arg(long, value_name = "SESSION")]
+    out: PathBuf,
+    #[command(flatten)]
+    board: BoardOptions,
+    /// Size of the photographs.
+    #[arg(long, value_name = "WxH", default_value = "1440x1080", value_parser = size)]
+    size: (u32, u32),
+    /// Camera waypoints.
+    #[arg(long, value_name = "N", default_value_t = 50)]
+    views: usize,
+    /// Photographs for the lens alone.
+    #[arg(long, value_name = "N", default_value_t = 12)]
+    lens_views: usize,
+    /// How often the light's arm touches the board; fewer than three with a declared alignment.
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u64).range(..=MOST_TOUCHES as u64))]
+    touches: u64,
+    /// Distortion of the lens, as OpenCV has it; none, as `capture run` shoots, if not given.
+    #[arg(long, value_name = "K1,K2,P1,P2,K3", value_delimiter = ',', num_args = 5, allow_hyphen_values = true)]
+    distortion: Option<Vec<f64>>,
+    /// Camera rays a pixel.
+    #[arg(long, value_name = "N", default_value_t = 8)]
+    samples: u32,
+    /// Seed of the arms' and the sensor's noise.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Go on with the session in SESSION; begin it if there is none.
+    #[arg(long)]
+    resume: bool,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum RigKind {
+    /// A path tracer in the place of arms, lamp and camera.
+    Virtual,
+}
+
+pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
+    // The only one.
+    let RigKind::Virtual = args.rig;
+    let mut distortion = [0.0; 5];
+    distortion.iter_mut().zip(args.distortion.iter().flatten()).for_each(|(to, from)| *to = *from);
+    let capture = BoardCapture {
+        board: args.board.board()?,
+        views: args.views,
+        lens_views: args.lens_views,
+        touches: args.touches as usize,
+        distortion,
+        width: args.size.0,
+        height: args.size.1,
+        samples: args.samples,
+        seed: args.seed,
+    };
+    let cancel = cancel_flag()?;
+    let bar = Progress::new("shooting", (args.views + args.lens_views) as u64, quiet);
+    let complete = capture.shoot(&args.out, args.resume, &mut |done, total| {
+        bar.update(done as u64, total as u64, || format!("{done} of {total} photographs"));
+        unless(cancel)
+    })?;
+    bar.clear();
+    let out = args.out.display();
+    if !complete {
+        bail!("{out}: stopped; go on with the same command and --resume");
+    }
+    let (views, lens, touches) = (args.views, args.lens_views, args.touches);
+    print_line(&format!(
+        "{out}: a {} from {views} waypoints, {lens} photographs for the lens, {touches} touches; next: relight capture calibrate {out}",
+        args.board
+    ))
+}
