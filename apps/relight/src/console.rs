@@ -11,6 +11,10 @@ use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
+use tracing::level_filters::LevelFilter;
+use tracing_subscriber::filter::Targets;
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::util::SubscriberInitExt;
 
 /// Time between plain lines of progress.
 const LINE_EVERY: Duration = Duration::from_secs(10);
@@ -24,13 +28,14 @@ pub fn start_logging(verbose: u8, quiet: bool) {
         (_, 2) => tracing::Level::DEBUG,
         _ => tracing::Level::TRACE,
     };
-    tracing_subscriber::fmt()
-        .with_max_level(level)
+    let lines = tracing_subscriber::fmt::layer()
         .with_writer(std::io::stderr)
         .with_ansi(std::io::stderr().is_terminal())
         .with_target(false)
-        .without_time()
-        .init();
+        .without_time();
+    // The search for boards warns of each of its many tries; what comes of them is told by whoever asked.
+    let heard = Targets::new().with_default(level).with_target("calib_targets_charuco", LevelFilter::ERROR);
+    tracing_subscriber::registry().with(lines).with(heard).init();
 }
 
 /// Writes `value` to standard output as JSON on one line.

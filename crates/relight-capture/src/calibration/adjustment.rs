@@ -21,17 +21,30 @@ pub(super) struct View {
 
 /// Standard errors that the residuals and the geometry imply.
 pub(super) struct Covariance {
-    /// Variances of the lens's parameters.
-    pub(super) lens: SVector<f64, LENS>,
+    /// Covariance of the lens's parameters; nothing for those that are held.
+    pub(super) lens: LensBlock,
     /// Covariance of each viewpoint, the lens's own uncertainty included.
     pub(super) viewpoints: Vec<SMatrix<f64, VIEWPOINT, VIEWPOINT>>,
+    /// The lens's normal equations, the viewpoints eliminated, square pixels: what these views tell of it.
+    pub(super) information: LensBlock,
+    /// Variance of one coordinate of a corner, square pixels.
+    pub(super) variance: f64,
+}
+
+/// What is known of the lens beside the views.
+#[derive(Clone, Debug)]
+pub(super) struct Knowledge {
+    /// Parameters that keep their value.
+    pub(super) held: [bool; LENS],
+    /// An earlier lens, and the [`information`](Covariance::information) that there was of it.
+    pub(super) earlier: Option<(Lens, LensBlock)>,
 }
 
 /// The fit came to nothing: the views do not determine the lens.
 #[derive(Debug)]
 pub(super) struct Undetermined;
 
-type LensBlock = SMatrix<f64, LENS, LENS>;
+pub(super) type LensBlock = SMatrix<f64, LENS, LENS>;
 type ViewBlock = SMatrix<f64, VIEWPOINT, VIEWPOINT>;
 type Coupling = SMatrix<f64, LENS, VIEWPOINT>;
 
@@ -48,8 +61,13 @@ struct Equations {
 
 /// Moves `lens` and all viewpoints to the least sum of Huber losses with the given threshold in pixels (Levenberg-Marquardt
 /// with the viewpoints eliminated; Triggs et al., Bundle Adjustment: A Modern Synthesis, section 6.1).
-pub(super) fn adjust(lens: &mut Lens, views: &mut [View], threshold: f64) -> Result<(), Undetermined> {
-    let mut equations = linearise(lens, views, threshold).ok_or(Undetermined)?;
+pub(super) fn adjust(
+    lens: &mut Lens,
+    views: &mut [View],
+    knowledge: &Knowledge,
+    threshold: f64,
+) -> Result<(), Undetermined> {
+    let mut equations = knowledge.added(lens, linearise(lens, views, threshold)).ok_or(Undetermined)?;
     let mut damping = FIRST_DAMPING;
     for _ in 0..STEPS {
         let Some((lens_step, view_steps)) = solve(&equations, damping) else { return Err(Undetermined) };
@@ -59,7 +77,7 @@ pub(super) fn adjust(lens: &mut Lens, views: &mut [View], threshold: f64) -> Res
             .zip(&view_steps)
             .map(|(view, step)| View { viewpoint: view.viewpoint.moved(step), ..view.clone() })
             .collect();
-        match linearise(&next_lens, &next_views, threshold) {
+        match knowledge.added(&next_lens, linearise(&next_lens, &next_views, threshold)) {
             Some(next) if next.cost <= equations.cost => {
                 let fall = equations.cost - next.cost;
                 (*lens, equations) = (next_lens, next);
@@ -103,17 +121,56 @@ pub(super) fn adjust_viewpoint(lens: &Lens, view: &mut View, threshold: f64) -> 
 }
 
 /// The covariance at the place that [`adjust`] has found.
-pub(super) fn covariance(lens: &Lens, views: &[View], threshold: f64) -> Option<Covariance> {
-    let equations = linearise(lens, views, threshold)?;
-    let variance = equations.variance(LENS + VIEWPOINT * views.len())?;
-    let (schur, _) = eliminate(&equations, 0.0)?;
-    let lens = Cholesky::new(schur)?.inverse();
+pub(super) fn covariance(
+    lens: &Lens,
+    views: &[View],
+    knowledge: &Knowledge,
+    threshold: f64,
+) -> Option<Covariance> {
+    let equations = knowledge.added(lens, linearise(lens, views, threshold))?;
+    let variance = equations.variance(knowledge.free() + VIEWPOINT * views.len())?;
+    let (information, _) = eliminate(&equations, 0.0)?;
+    let mut inverse = Cholesky::new(information)?.inverse();
+    for i in (0..LENS).filter(|&i| knowledge.held[i]) {
+        inverse[(i, i)] = 0.0;
+    }
     let viewpoints = equations.views.iter().map(|(block, coupling, _)| {
-        let inverse = Cholesky::new(*block)?.inverse();
-        let carried = inverse * coupling.transpose();
-        Some((inverse + carried * lens * carried.transpose()) * variance)
+        let own = Cholesky::new(*block)?.inverse();
+        let carried = own * coupling.transpose();
+        Some((own + carried * inverse * carried.transpose()) * variance)
     });
-    Some(Covariance { viewpoints: viewpoints.collect::<Option<_>>()?, lens: lens.diagonal() * variance })
+    let viewpoints = viewpoints.collect::<Option<_>>()?;
+    Some(Covariance { viewpoints, lens: inverse * variance, information, variance })
+}
+
+impl Knowledge {
+    pub(super) fn nothing() -> Knowledge {
+        Knowledge { held: [false; LENS], earlier: None }
+    }
+
+    /// Number of parameters that are not held.
+    fn free(&self) -> usize {
+        self.held.iter().filter(|&&held| !held).count()
+    }
+
+    /// The equations with this knowledge in them. A parameter that is held has equations of its own, whose answer is no step.
+    fn added(&self, lens: &Lens, equations: Option<Equations>) -> Option<Equations> {
+        let mut equations = equations?;
+        if let Some((earlier, information)) = &self.earlier {
+            let step = information * (earlier.0 - lens.0);
+            equations.lens += information;
+            equations.lens_slope += step;
+            equations.cost += 0.5 * (earlier.0 - lens.0).dot(&step);
+        }
+        for i in (0..LENS).filter(|&i| self.held[i]) {
+            equations.lens.row_mut(i).fill(0.0);
+            equations.lens.column_mut(i).fill(0.0);
+            equations.lens[(i, i)] = 1.0;
+            equations.lens_slope[i] = 0.0;
+            equations.views.iter_mut().for_each(|(_, coupling, _)| coupling.row_mut(i).fill(0.0));
+        }
+        Some(equations)
+    }
 }
 
 impl Equations {

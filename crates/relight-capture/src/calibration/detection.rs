@@ -6,11 +6,13 @@ use relight_scene::Image;
 use serde::{Deserialize, Serialize};
 
 use super::board::Board;
-use super::homography;
-use super::saddle::{self, Expected, Grey};
+use super::recovery::{self, Found};
+use super::saddle::Grey;
 
 /// Smallest image, pixels a side: smaller ones hold no square.
 const SMALLEST: usize = 32;
+/// So many corners are enough to find the others by: fewer, and a larger picture is searched.
+const ENOUGH: usize = 12;
 /// Largest standard error, radians, of the directions of edges that cross at a corner of the chessboard.
 const STRAIGHT: f32 = 0.04;
 
@@ -45,8 +47,8 @@ pub enum DetectionError {
 
 /// The inner corners of `board` that `image` shows, by rising id; empty if the board is not seen.
 ///
-/// Squares and markers are found by `calib-targets-charuco`; each corner is then fitted to a small part of a pixel, and one
-/// whose surroundings do not look like its corner is left out.
+/// Squares and markers are found by `calib-targets-charuco`; each corner is then fitted to a small part of a pixel, those that
+/// were missed are looked for beside those that were found, and what does not look like its corner is left out.
 ///
 /// # Errors
 /// If the image's size contradicts its pixels.
@@ -55,31 +57,27 @@ pub fn detect(image: &Image, board: &Board) -> Result<Vec<Corner>, DetectionErro
     if grey.width < SMALLEST || grey.height < SMALLEST {
         return Ok(Vec::new());
     }
+    let mut searched = search(&grey, board)?;
+    if searched.len() < ENOUGH {
+        // Squares that are small, or steep, are larger in a larger picture.
+        let larger = search(&grey.doubled(), board)?;
+        if larger.len() > searched.len() {
+            searched = larger.into_iter().map(|f| Found { at: Grey::halved(f.at), ..f }).collect();
+        }
+    }
+    let found = recovery::refine(&grey, board, &searched);
+    Ok(found.into_iter().map(|f| Corner { id: f.id, x: f.at.x, y: f.at.y }).collect())
+}
+
+/// The corners that the detector finds.
+fn search(grey: &Grey, board: &Board) -> Result<Vec<Found>, DetectionError> {
     let view = GrayImageView { width: grey.width, height: grey.height, data: &grey.data };
-    let Some(found) = richest(&view, board)? else { return Ok(Vec::new()) };
-    let mut pairs: Vec<(u32, Vector2<f64>, Vector2<f64>)> = found
-        .iter()
-        .filter_map(|corner| {
-            let at = Vector2::new(f64::from(corner.position.x), f64::from(corner.position.y));
-            Some((corner.id, Vector2::from(board.corner(corner.id)?), at))
-        })
-        .collect();
-    pairs.sort_by_key(|pair| pair.0);
-    let planes: Vec<_> = pairs.iter().map(|&(_, on_board, at)| (on_board, at)).collect();
-    let Some(plane) = homography::fit(&planes) else { return Ok(Vec::new()) };
-    let fitted = pairs.into_iter().filter_map(|(id, on_board, at)| {
-        let (_, jacobian) = homography::apply(&plane, on_board)?;
-        let along = board.columns() - 1;
-        let expected = Expected {
-            at,
-            axes: jacobian * board.square(),
-            black_ahead: (id % along + id / along).is_multiple_of(2),
-            margin: (1.0 - board.marker() / board.square()) / 2.0,
-        };
-        let at = saddle::fit(&grey, &expected)?;
-        Some(Corner { id, x: at.x, y: at.y })
-    });
-    Ok(fitted.collect())
+    let found = richest(&view, board)?.unwrap_or_default();
+    let corner = |corner: &CharucoCorner| {
+        let at = Vector2::new(f64::from(corner.position.x), f64::from(corner.position.y));
+        Some(Found { id: corner.id, on_board: Vector2::from(board.corner(corner.id)?), at })
+    };
+    Ok(found.iter().filter_map(corner).collect())
 }
 
 /// What the detector finds with the settings that find most: crossings inside markers, sharp and bright, can keep it from the
@@ -101,7 +99,7 @@ fn richest(view: &GrayImageView, board: &Board) -> Result<Option<Vec<CharucoCorn
         if found.corners.len() > count {
             best = Some(found.corners);
         }
-        if count == board.corners() as usize {
+        if 2 * best.as_ref().map_or(0, Vec::len) > board.corners() as usize {
             break;
         }
     }

@@ -15,7 +15,9 @@ mod homography;
 mod lens;
 mod light;
 mod recheck;
+mod recovery;
 mod report;
+mod result;
 mod robust;
 mod saddle;
 mod session_folder;
@@ -26,13 +28,14 @@ mod zhang;
 
 pub use board::{Board, BoardError};
 pub use board_file::{BoardFile, BoardFileError};
-pub use calibrate::{
-    Calibration, CalibrationError, LeftOut, Measurements, Waypoint, WaypointView, calibrate,
-};
+pub use calibrate::{CalibrationError, Measurements, WaypointView, calibrate};
 pub use detection::{Corner, DetectionError, detect};
 pub use dictionary::{Dictionary, UnknownDictionary};
 pub use light::{LightRegistration, Touch, TouchError, register_light};
 pub use recheck::{Recheck, RecheckError, Shift, Tolerance, recheck};
+pub use result::{
+    CENTRE_ACCURACY, Calibration, DIRECTION_ACCURACY, LARGEST_LENS_SHIFT, LeftOut, LensPhotograph, Waypoint,
+};
 pub use session_folder::{
     BOARD, CALIBRATION, LENS_VIEWS, RECHECK, ShootError, VIEWS, photograph_name, shoot_board,
 };

@@ -4,9 +4,10 @@ use relight_scene::Pose;
 use serde::Serialize;
 
 use super::adjustment::{self, View};
-use super::calibrate::{Calibration, CalibrationError, WaypointView, check_views};
+use super::calibrate::{CalibrationError, WaypointView, check_views};
 use super::frames::compose;
 use super::lens::Lens;
+use super::result::Calibration;
 use super::robust::{FEWEST_CORNERS, lengths, median, sightings};
 use super::viewpoint::Viewpoint;
 

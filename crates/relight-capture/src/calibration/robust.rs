@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector2};
 
-use super::adjustment::{self, Undetermined, View};
+use super::adjustment::{self, Knowledge, Undetermined, View};
 use super::board::Board;
 use super::calibrate::WaypointView;
 use super::detection::Corner;
@@ -28,9 +28,19 @@ const HOMOGRAPHY_FLOOR: f64 = 5.0;
 /// Rounds in which waypoints may turn out bad or good.
 const BAD_ROUNDS: usize = 6;
 
+/// What a view is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Role {
+    /// Its viewpoint is wanted.
+    Waypoint,
+    /// It helps to determine the lens.
+    Lens,
+}
+
 /// A view that determines a homography.
 pub(super) struct Usable {
     pub(super) label: usize,
+    pub(super) role: Role,
     homography: Matrix3<f64>,
     /// Root mean square of what the homography misses, pixels.
     rms: f64,
@@ -38,7 +48,7 @@ pub(super) struct Usable {
 }
 
 impl Usable {
-    pub(super) fn of(view: &WaypointView, board: &Board) -> Result<Usable, String> {
+    pub(super) fn of(view: &WaypointView, role: Role, board: &Board) -> Result<Usable, String> {
         let sightings = sightings(view, board);
         let mut ids: Vec<u32> = view.corners.iter().map(|corner| corner.id).collect();
         ids.sort_unstable();
@@ -49,14 +59,19 @@ impl Usable {
         let pairs: Vec<_> = sightings.iter().map(|s| (s.on_board, s.pixel)).collect();
         let homography = homography::fit(&pairs).ok_or("its corners lie on a line")?;
         let rms = homography_rms(&homography, &sightings);
-        Ok(Usable { label: view.label, homography, rms, sightings })
+        Ok(Usable { label: view.label, role, homography, rms, sightings })
+    }
+
+    /// Corners that it shows.
+    pub(super) fn corners(&self) -> usize {
+        self.sightings.len()
     }
 
     /// The viewpoint that a first lens makes of it; `None` if the corners contradict a board seen from its printed side.
     pub(super) fn placed(self, lens: &Lens) -> Option<Fitted> {
         let viewpoint = Viewpoint::of_homography(&self.homography, lens)?;
         let view = View { viewpoint, sightings: self.sightings };
-        Some(Fitted { label: self.label, view, rms: self.rms, is_bad: false })
+        Some(Fitted { label: self.label, role: self.role, view, rms: self.rms, is_bad: false })
     }
 }
 
@@ -84,11 +99,13 @@ fn homography_rms(homography: &Matrix3<f64>, sightings: &[Sighting]) -> f64 {
 }
 
 /// A view with its viewpoint.
+#[derive(Clone)]
 pub(super) struct Fitted {
     pub(super) label: usize,
+    pub(super) role: Role,
     pub(super) view: View,
     /// Root mean square of the residuals, pixels.
-    rms: f64,
+    pub(super) rms: f64,
     pub(super) is_bad: bool,
 }
 
@@ -123,6 +140,7 @@ pub(super) fn median(mut values: Vec<f64>) -> f64 {
 pub(super) fn fit<E>(
     lens: &mut Lens,
     fitted: &mut [Fitted],
+    knowledge: &Knowledge,
     enough: impl Fn(&[Fitted]) -> Result<(), E>,
     undetermined: impl Fn(Undetermined) -> E,
 ) -> Result<f64, E> {
@@ -130,7 +148,7 @@ pub(super) fn fit<E>(
     let mut threshold = f64::INFINITY;
     for _ in 0..BAD_ROUNDS {
         enough(fitted)?;
-        threshold = fit_good(lens, fitted).map_err(&undetermined)?;
+        threshold = fit_good(lens, fitted, knowledge).map_err(&undetermined)?;
         fitted.iter_mut().for_each(|f| f.place(lens, threshold));
         if !mark_bad(fitted, BAD_FLOOR) {
             break;
@@ -141,11 +159,15 @@ pub(super) fn fit<E>(
 
 /// Fits the lens to the good views, least squares first, then with a robust threshold that follows the residuals. Gives the
 /// threshold.
-fn fit_good(lens: &mut Lens, fitted: &mut [Fitted]) -> Result<f64, Undetermined> {
+fn fit_good(
+    lens: &mut Lens,
+    fitted: &mut [Fitted],
+    knowledge: &Knowledge,
+) -> Result<f64, Undetermined> {
     let mut views: Vec<View> = fitted.iter().filter(|f| !f.is_bad).map(|f| f.view.clone()).collect();
     let mut threshold = f64::INFINITY;
     for _ in 0..ROUNDS {
-        adjustment::adjust(lens, &mut views, threshold)?;
+        adjustment::adjust(lens, &mut views, knowledge, threshold)?;
         let middle = median(views.iter().flat_map(|view| lengths(lens, view)).collect());
         threshold = (HUBER * middle / RAYLEIGH_MEDIAN).max(LEAST_THRESHOLD);
     }

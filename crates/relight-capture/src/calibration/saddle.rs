@@ -33,6 +33,35 @@ pub(super) struct Grey {
     pub(super) data: Vec<u8>,
 }
 
+impl Grey {
+    /// The picture at twice its size, interpolated linearly.
+    pub(super) fn doubled(&self) -> Grey {
+        let (width, height) = (2 * self.width, 2 * self.height);
+        // Three quarters of the nearer pixel, one of the other; at the edge, the same one twice.
+        let pair = |place: usize, size: usize| {
+            let near = place / 2;
+            let far = if place.is_multiple_of(2) { near.saturating_sub(1) } else { (near + 1).min(size - 1) };
+            [(near, 3), (far, 1)]
+        };
+        let pixel = |place: usize| {
+            let (x, y) = (place % width, place / width);
+            let rows = pair(y, self.height);
+            let sum: u32 = rows
+                .into_iter()
+                .flat_map(|row| pair(x, self.width).map(|column| (row, column)))
+                .map(|((y, v), (x, u))| u * v * u32::from(self.data[y * self.width + x]))
+                .sum();
+            ((sum + 8) / 16) as u8
+        };
+        Grey { width, height, data: (0..width * height).map(pixel).collect() }
+    }
+
+    /// A place of the doubled picture in the picture itself.
+    pub(super) fn halved(at: Vector2<f64>) -> Vector2<f64> {
+        (at - Vector2::repeat(0.5)) / 2.0
+    }
+}
+
 /// What is known of a corner before it is fitted.
 pub(super) struct Expected {
     /// Where it should be, pixels.

@@ -7,12 +7,12 @@ use relight_scene::{Intrinsics, Pose, PoseFault, read_text, write_whole};
 use serde::{Deserialize, Serialize};
 
 use super::board::Board;
-use super::calibrate::{Calibration, LeftOut, Waypoint};
 use super::lens::LENS;
 use super::light::LightRegistration;
+use super::result::{Calibration, LeftOut, LensPhotograph, Waypoint};
 
 /// The file's format and version.
-pub const FORMAT: &str = "relight-calibration-1";
+pub const FORMAT: &str = "relight-calibration-2";
 /// Longest file, bytes.
 const LONGEST: u64 = 1 << 26;
 
@@ -80,6 +80,8 @@ struct File {
     board: Board,
     board_to_world: [f64; 16],
     lens: StoredLens,
+    lens_shift: Option<f64>,
+    lens_photographs: Vec<LensPhotograph>,
     rms_pixels: f64,
     waypoints: Vec<StoredWaypoint>,
     left_out: Vec<LeftOut>,
@@ -97,6 +99,8 @@ struct StoredLens {
     cy: f64,
     distortion: [f64; LENS - 4],
     errors: [f64; LENS],
+    information: [[f64; LENS]; LENS],
+    corner_variance: f64,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -160,7 +164,11 @@ pub fn store(calibration: &Calibration, made: u64, path: &Path) -> Result<(), St
             cy,
             distortion: std::array::from_fn(coefficient),
             errors: calibration.intrinsics_errors,
+            information: calibration.lens_information,
+            corner_variance: calibration.corner_variance,
         },
+        lens_shift: calibration.lens_shift,
+        lens_photographs: calibration.lens_photographs.clone(),
         rms_pixels: calibration.rms_pixels,
         waypoints: calibration.waypoints.iter().map(waypoint).collect(),
         left_out: calibration.left_out.clone(),
@@ -192,7 +200,7 @@ pub fn load(path: &Path) -> Result<(Calibration, u64), StoreError> {
             fault,
         })
     };
-    let StoredLens { width, height, fx, fy, cx, cy, distortion, errors } = file.lens;
+    let StoredLens { width, height, fx, fy, cx, cy, distortion, errors, information, corner_variance } = file.lens;
     let intrinsics = Intrinsics { width, height, fx, fy, cx, cy, distortion: distortion.to_vec() };
     if width == 0 || height == 0 || fx <= 0.0 || fy <= 0.0 {
         return Err(StoreError::Lens { path: path.to_owned(), intrinsics });
@@ -223,6 +231,10 @@ pub fn load(path: &Path) -> Result<(Calibration, u64), StoreError> {
         board_to_world: pose(&|| "board_to_world".to_owned(), &file.board_to_world)?,
         intrinsics,
         intrinsics_errors: errors,
+        lens_information: information,
+        corner_variance,
+        lens_shift: file.lens_shift,
+        lens_photographs: file.lens_photographs,
         rms_pixels: file.rms_pixels,
         waypoints: file.waypoints.iter().map(waypoint).collect::<Result<_, StoreError>>()?,
         left_out: file.left_out,

@@ -7,36 +7,30 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use anyhow::{Context, bail, ensure};
 use rayon::prelude::*;
 use relight_capture::calibration::{
-    Board, Calibration, Dictionary, Measurements, Tolerance, Touch, WaypointView, calibrate, load, recheck,
-    store,
+    BOARD, Board, BoardFile, CALIBRATION, Calibration, LENS_VIEWS, Measurements, RECHECK, Tolerance, VIEWS,
+    WaypointView, calibrate, load, recheck, store,
 };
-use relight_scene::{Pose, read_image, read_text};
-use serde::Deserialize;
+use relight_scene::read_image;
 
 use crate::console::{Progress, print_json, print_line};
-
-/// A board file's longest length, bytes.
-const LONGEST: u64 = 1 << 20;
-/// What a session holds.
-const BOARD: &str = "board.toml";
-const VIEWS: &str = "board";
-const RECHECK: &str = "recheck";
-const CALIBRATION: &str = "calibration.json";
 
 /// Calibrate the lens, every camera waypoint and the light's arm from photographs and touches of a ChArUco board.
 ///
 /// Reads SESSION/board.toml and the photographs SESSION/board/LABEL.png, one a waypoint (LABEL-2.png and so on for more of the
-/// same), refines lens and viewpoints together, and writes SESSION/calibration.json. The residuals of each waypoint are told in
-/// pixels and millimetres, and bad ones by name: shoot them again.
+/// same), refines lens and viewpoints together, and writes SESSION/calibration.json. Photographs SESSION/lens/NUMBER.png, if there
+/// are any, help to determine the lens: the board may lie anywhere in them, and the camera be anywhere, at the same focus. The
+/// residuals of each waypoint are told in pixels and millimetres, with the error that is to be expected of its pose; bad
+/// waypoints and weak geometry are named.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  relight capture calibrate SESSION\n  \
-                  relight capture calibrate SESSION --recheck    does it still hold? photographs SESSION/recheck/LABEL.png\n\n\
+                  relight capture calibrate SESSION --recheck    does it still hold? photographs SESSION/recheck/LABEL.png\n  \
+                  relight capture calibrate TODAY --lens LAST-WEEK/calibration.json    the same camera at the same focus\n\n\
                   SESSION/board.toml:\n\n  \
-                  columns = 9                              # squares\n  \
-                  rows = 7\n  \
-                  square-metres = 0.02                     # measured on the print\n  \
-                  marker-metres = 0.015\n  \
-                  dictionary = \"DICT_4X4_50\"\n  \
+                  columns = 12                             # squares\n  \
+                  rows = 9\n  \
+                  square-metres = 0.027                    # measured on the print\n  \
+                  marker-metres = 0.02025\n  \
+                  dictionary = \"DICT_5X5_100\"\n  \
                   # The board lies flat in the middle of the world (+X along its columns, +Z out of the paper), or where\n  \
                   # this says: board-to-world = [16 numbers]\n\n  \
                   # Where the tip of the light's arm touched the board, metres: three or more touches, not on a line; or one,\n  \
@@ -47,6 +41,9 @@ const CALIBRATION: &str = "calibration.json";
 pub struct Args {
     /// Folder of the session.
     session: PathBuf,
+    /// An earlier calibration of the same camera at the same focus: what was known of the lens then counts too.
+    #[arg(long, value_name = "FILE", conflicts_with = "recheck")]
+    lens: Option<PathBuf>,
     /// Say whether the stored calibration still holds, by new photographs of some waypoints; exit status 1 if not.
     #[arg(long)]
     recheck: bool,
@@ -55,70 +52,52 @@ pub struct Args {
     json: bool,
 }
 
-/// `board.toml`.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields, rename_all = "kebab-case")]
-struct BoardFile {
-    columns: u32,
-    rows: u32,
-    square_metres: f64,
-    marker_metres: f64,
-    dictionary: String,
-    board_to_world: Option<[f64; 16]>,
-    light_base_to_world: Option<[f64; 16]>,
-    #[serde(default)]
-    touches: Vec<TouchFile>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields, rename_all = "kebab-case")]
-struct TouchFile {
-    on_board_metres: [f64; 3],
-    in_arm_metres: [f64; 3],
-}
-
 pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
-    let path = args.session.join(BOARD);
-    let named = || path.display().to_string();
-    let text = read_text(&path, LONGEST)?;
-    let file: BoardFile = toml::from_str(&text).with_context(named)?;
-    let dictionary = Dictionary::named(&file.dictionary).with_context(named)?;
-    let board = Board::new(file.columns, file.rows, file.square_metres, file.marker_metres, dictionary)
-        .with_context(named)?;
+    let file = BoardFile::read(&args.session.join(BOARD))?;
+    let board = file.board;
     if args.recheck {
         return check(args, &board, quiet);
     }
-    let pose = |key: &str, numbers: &Option<[f64; 16]>| -> anyhow::Result<Option<Pose>> {
-        numbers
-            .as_ref()
-            .map(Pose::from_matrix)
-            .transpose()
-            .with_context(|| format!("{}: {key}", path.display()))
-    };
-    let board_to_world = pose("board-to-world", &file.board_to_world)?.unwrap_or_else(|| board.lying_flat());
-    let declared_alignment = pose("light-base-to-world", &file.light_base_to_world)?;
+    let earlier = args.lens.as_deref().map(load).transpose()?.map(|(earlier, _)| earlier);
     let (views, image_size) = look(&args.session.join(VIEWS), &board, quiet)?;
-    let touches: Vec<Touch> =
-        file.touches.iter().map(|t| Touch { on_board: t.on_board_metres, in_arm: t.in_arm_metres }).collect();
+    let lens_views = args.session.join(LENS_VIEWS);
+    let (lens_views, lens_size) =
+        if lens_views.is_dir() { look(&lens_views, &board, quiet)? } else { (Vec::new(), image_size) };
+    ensure!(
+        lens_size == image_size,
+        "{}: the photographs of {VIEWS} are {}x{}, those of {LENS_VIEWS} {}x{}; shoot both with the same camera",
+        args.session.display(),
+        image_size.0,
+        image_size.1,
+        lens_size.0,
+        lens_size.1
+    );
     let calibration = calibrate(&Measurements {
         board: &board,
-        board_to_world,
+        board_to_world: file.board_to_world.unwrap_or_else(|| board.lying_flat()),
         image_size,
         views: &views,
-        touches: &touches,
-        declared_alignment,
+        lens_views: &lens_views,
+        earlier: earlier.as_ref(),
+        touches: &file.touches,
+        declared_alignment: file.light_base_to_world,
     })
     .with_context(|| args.session.display().to_string())?;
     let out = args.session.join(CALIBRATION);
     let made = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
     store(&calibration, made, &out)?;
+    for warning in calibration.warnings() {
+        tracing::warn!("{}: {warning}", args.session.display());
+    }
     tell(&calibration, &out, args.json)
 }
 
-/// The calibration, for people or as its file has it.
+/// The calibration, for people; or as its file has it, and which waypoints are bad or weak.
 fn tell(calibration: &Calibration, file: &Path, json: bool) -> anyhow::Result<()> {
     if json {
-        let value: serde_json::Value = serde_json::from_str(&fs::read_to_string(file)?)?;
+        let mut value: serde_json::Value = serde_json::from_str(&fs::read_to_string(file)?)?;
+        value["bad_waypoints"] = calibration.bad().into();
+        value["weak_waypoints"] = calibration.weak().into();
         return print_json(&value);
     }
     print_line(&format!("{calibration}{}", file.display()))

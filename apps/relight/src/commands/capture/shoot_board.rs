@@ -42,8 +42,8 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u64).range(..=MOST_TOUCHES as u64))]
     touches: u64,
     /// Distortion of the lens, as OpenCV has it; none, as `capture run` shoots, if not given.
-    #[arg(long, value_name = "K1,K2,P1,P2,K3", value_delimiter = ',', num_args = 5, allow_hyphen_values = true)]
-    distortion: Option<Vec<f64>>,
+    #[arg(long, value_name = "K1,K2,P1,P2,K3", allow_hyphen_values = true, value_parser = distortion)]
+    distortion: Option<[f64; 5]>,
     /// Camera rays a pixel.
     #[arg(long, value_name = "N", default_value_t = 8)]
     samples: u32,
@@ -64,14 +64,12 @@ enum RigKind {
 pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     // The only one.
     let RigKind::Virtual = args.rig;
-    let mut distortion = [0.0; 5];
-    distortion.iter_mut().zip(args.distortion.iter().flatten()).for_each(|(to, from)| *to = *from);
     let capture = BoardCapture {
         board: args.board.board()?,
         views: args.views,
         lens_views: args.lens_views,
         touches: args.touches as usize,
-        distortion,
+        distortion: args.distortion.unwrap_or_default(),
         width: args.size.0,
         height: args.size.1,
         samples: args.samples,
@@ -93,4 +91,12 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         "{out}: a {} from {views} waypoints, {lens} photographs for the lens, {touches} touches; next: relight capture calibrate {out}",
         args.board
     ))
+}
+
+fn distortion(text: &str) -> Result<[f64; 5], String> {
+    let numbers: Result<Vec<f64>, _> = text.split(',').map(|number| number.trim().parse()).collect();
+    let numbers = numbers.ok().and_then(|numbers| <[f64; 5]>::try_from(numbers).ok());
+    numbers
+        .filter(|numbers| numbers.iter().all(|v| v.is_finite()))
+        .ok_or_else(|| "this wants five numbers, as in -0.1,0.05,0,0,0".to_owned())
 }
