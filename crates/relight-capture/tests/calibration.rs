@@ -69,6 +69,8 @@ impl Golden {
             board_to_world: Pose::IDENTITY,
             image_size: (self.width, self.height),
             views,
+            lens_views: &[],
+            earlier: None,
             touches: &[],
             declared_alignment: None,
         })
@@ -120,11 +122,12 @@ fn lens_and_poses_are_those_of_opencv() {
     let ours = lens.iter().zip(&calibration.intrinsics_errors);
     for (i, ((value, error), (expected, deviation))) in ours.zip(theirs).enumerate() {
         assert!(
-            (value - expected).abs() < 0.1 * deviation,
+            (value - expected).abs() <= 0.1 * deviation,
             "parameter {i}: {value} against OpenCV's {expected}"
         );
+        // k3 is held by both.
         assert!(
-            (error / deviation - 1.0).abs() < 0.05,
+            i == 8 && *error == 0.0 || (error / deviation - 1.0).abs() < 0.05,
             "standard error of {i}: {error} against OpenCV's {deviation}"
         );
     }
@@ -156,7 +159,7 @@ fn lens_and_poses_are_near_the_truth() {
     // Standard errors mean what they say: over nine numbers, none is many times too small.
     let lens = values(&calibration.intrinsics);
     for ((found, truth), error) in lens.iter().zip(golden.truth).zip(calibration.intrinsics_errors) {
-        assert!((found - truth).abs() < 4.0 * error, "{found} +- {error}, truly {truth}");
+        assert!((found - truth).abs() <= 4.0 * error, "{found} +- {error}, truly {truth}");
     }
     let root_mean_square = |values: Vec<f64>| mean(values.iter().map(|v| v * v)).sqrt();
     let found = [apart.iter().map(|a| a.0).collect(), apart.iter().map(|a| a.1.to_radians()).collect()]
@@ -189,6 +192,8 @@ fn exact_corners_give_the_truth_in_the_boards_world() {
         board_to_world: to_world,
         image_size: (golden.width, golden.height),
         views: &views,
+        lens_views: &[],
+        earlier: None,
         touches: &touches,
         declared_alignment: None,
     })
@@ -317,6 +322,8 @@ fn views_of_another_board_and_touches_that_do_not_suffice_are_refused() {
         board_to_world: Pose::IDENTITY,
         image_size: (golden.width, golden.height),
         views: &views,
+        lens_views: &[],
+        earlier: None,
         touches: &[Touch { on_board: [0.0; 3], in_arm: [0.5, 0.1, 0.0] }],
         declared_alignment: None,
     };
@@ -352,8 +359,8 @@ fn a_stored_calibration_comes_back_the_same() {
         fs::write(&path, text.replacen(from, to, 1)).unwrap();
         load(&path).unwrap_err().to_string()
     };
-    let version = fault(FORMAT, "relight-calibration-2");
-    assert!(version.contains("calibration.json: the format is \"relight-calibration-2\""), "{version}");
+    let version = fault(FORMAT, "relight-calibration-1");
+    assert!(version.contains("calibration.json: the format is \"relight-calibration-1\""), "{version}");
     assert!(fault("\"columns\": 12", "\"columns\": 2").contains("too few corners"));
     assert!(fault("DICT_5X5_100", "DICT_5X5_101").contains("no dictionary"));
     assert!(fault("\"made\"", "\"mad\"").contains("line"));

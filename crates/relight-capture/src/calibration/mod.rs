@@ -1,8 +1,9 @@
 //! Where camera and light were: a ChArUco board for the camera, touches of the board for the light.
 //!
 //! A [`Board`] is printed ([`Sheet`]), laid in the middle of the rig, and [`detect`]ed in an image from every waypoint;
-//! [`calibrate`] fits one lens and all viewpoints together, and registers the light's arm by its touches. The
-//! [`Calibration`] is [`store`]d, and a later [`recheck`] says whether it still holds.
+//! [`calibrate`] fits one lens and all viewpoints together, and registers the light's arm by its touches. Photographs for the
+//! lens alone, from [`lens_viewpoints`], tell apart what waypoints under one tilt cannot. The [`Calibration`] is [`store`]d, and
+//! a later [`recheck`] says whether it still holds.
 
 mod adjustment;
 mod board;
@@ -13,6 +14,7 @@ mod dictionary;
 pub(crate) mod frames;
 mod homography;
 mod lens;
+mod lens_viewpoints;
 mod light;
 mod recheck;
 mod recovery;
@@ -31,6 +33,7 @@ pub use board_file::{BoardFile, BoardFileError};
 pub use calibrate::{CalibrationError, Measurements, WaypointView, calibrate};
 pub use detection::{Corner, DetectionError, detect};
 pub use dictionary::{Dictionary, UnknownDictionary};
+pub use lens_viewpoints::lens_viewpoints;
 pub use light::{LightRegistration, Touch, TouchError, register_light};
 pub use recheck::{Recheck, RecheckError, Shift, Tolerance, recheck};
 pub use result::{

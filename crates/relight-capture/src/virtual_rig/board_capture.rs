@@ -5,7 +5,7 @@ use std::io::Write;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-use glam::{DVec3, dvec3};
+use glam::DVec3;
 use nalgebra::{Rotation3, Vector3};
 use relight_scene::{Camera, Intrinsics, Light, Pose, write_whole};
 use serde::Serialize;
@@ -14,7 +14,8 @@ use super::random::{hash, normals};
 use super::virtual_capture::{AZIMUTH_DEGREES, LENS};
 use super::{CaptureRig, Lamp, RigError, Sensor, Settings, Stage, VirtualRig, charuco_board};
 use crate::calibration::{
-    BOARD, Board, BoardFile, LENS_VIEWS, ShootError, Touch, VIEWS, photograph_name, shoot_board,
+    BOARD, Board, BoardFile, LENS_VIEWS, ShootError, Touch, VIEWS, lens_viewpoints, photograph_name,
+    shoot_board,
 };
 use crate::calibration::frames::compose;
 use crate::camera::Development;
@@ -32,11 +33,8 @@ const REPEATABILITY: f64 = 0.03e-3;
 const TURN: f64 = 8e-5;
 /// How far the floor lies below the board's face, metres: the board has a thickness.
 const THICKNESS: f64 = 0.004;
-/// The photographs for the lens: distance from the board, metres; by how much the board is tilted, degrees, in turn; how far
-/// beside its middle the camera looks, metres.
+/// Distance of the photographs for the lens, metres.
 const DISTANCE: f64 = 0.6;
-const TILTS: [f64; 2] = [30.0, 45.0];
-const ASIDE: f64 = 0.05;
 /// Where the light's arm truly stands: half a metre behind the board, turned by a quarter and a little askew.
 const LIGHT_BASE_TURN: [f64; 3] = [0.004, -0.003, 1.58];
 const LIGHT_BASE: [f64; 3] = [0.02, 0.5, -0.01];
@@ -186,6 +184,7 @@ impl BoardCapture {
             told_in_base: compose(&base.inverse(), planned).to_matrix(),
             to_world: self.reached(2, label, planned).to_matrix(),
         };
+        let lens_cameras = (0..).zip(lens_viewpoints(self.lens_views, DISTANCE));
         let Intrinsics { width, height, fx, fy, cx, cy, .. } = self.intrinsics();
         Truth {
             format: FORMAT,
@@ -193,7 +192,7 @@ impl BoardCapture {
             seed: self.seed,
             lens: TrueLens { width, height, fx, fy, cx, cy, distortion: self.distortion },
             cameras: plan.camera.waypoints.iter().map(|w| missed(0, w.label, &w.pose)).collect(),
-            lens_cameras: (0..self.lens_views).map(|i| missed(1, i, &self.lens_view(i))).collect(),
+            lens_cameras: lens_cameras.map(|(i, pose)| missed(1, i, &pose)).collect(),
             light_base_to_world: base.to_matrix(),
             lights: plan.light.waypoints.iter().map(|w| light(w.label, &w.pose)).collect(),
         }
@@ -210,21 +209,6 @@ impl BoardCapture {
         let key = hash(&[0x41_52_4D, self.seed, hash(name)]);
         let ([a, b], [c, _]) = (normals(hash(&[key, 0])), normals(hash(&[key, 1])));
         [a, b, c].map(|v| v / 3f64.sqrt())
-    }
-
-    /// A camera around the board, rolled by quarter turns, that looks beside its middle: what a wrist that turns and a board
-    /// that is propped up, this way and that, amount to.
-    fn lens_view(&self, i: usize) -> Pose {
-        let azimuth = std::f64::consts::TAU * i as f64 / self.lens_views as f64;
-        let tilt = TILTS[i % TILTS.len()].to_radians();
-        let out = dvec3(tilt.sin() * azimuth.cos(), tilt.sin() * azimuth.sin(), tilt.cos());
-        // The golden angle: in time the board's corners have been everywhere in the picture.
-        let towards = 2.4 * i as f64;
-        let target = ASIDE * dvec3(towards.cos(), towards.sin(), 0.0);
-        let upright = Pose::look_at((DISTANCE * out).to_array(), target.to_array());
-        let quarter = std::f64::consts::FRAC_PI_2 * (i % 4) as f64;
-        let (sine, cosine) = quarter.sin_cos();
-        Pose(upright.0.map(|[x, y, z, t]| [cosine * x + sine * y, cosine * y - sine * x, z, t]))
     }
 
     fn rig(&self, truth: &Truth, plan: &Plan) -> Result<CaptureRig, RigError> {
