@@ -1,11 +1,16 @@
-//! `relight capture calibrate`: what it refuses.
+//! Calibrating by photographs of a board that the virtual rig takes: everything is known, and must be found; and what is
+//! refused.
 
 // Helpers outside of test functions.
 #![allow(clippy::unwrap_used)]
 
-use std::fs;
-use std::path::Path;
+use std::fmt::{Display, Formatter};
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use std::{fmt, fs};
+
+use relight_scene::Pose;
+use serde_json::Value;
 
 fn calibrate(session: &Path, arguments: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_relight"));
@@ -43,4 +48,198 @@ fn what_is_missing_or_wrong_is_named() {
     fs::rename(session.join("board/IMG.png"), session.join("board/3.png")).unwrap();
     assert!(fail(&[]).contains("3.png"));
     assert!(fail(&["--recheck"]).contains("calibration.json"));
+}
+
+/// A session of small photographs of a board with large squares, and what it is in truth.
+fn shot(folder: &Path, arguments: &str) -> (PathBuf, Value) {
+    let session = folder.join("session");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_relight"));
+    command.args(["capture", "shoot-board", "-q", "--out"]).arg(&session).args(arguments.split_whitespace());
+    let output = command.output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let truth = fs::read_to_string(session.join("truth.json")).unwrap();
+    (session, serde_json::from_str(&truth).unwrap())
+}
+
+fn succeed(session: &Path, arguments: &[&str]) -> (Value, String) {
+    let output = calibrate(session, arguments);
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{said}");
+    (serde_json::from_slice(&output.stdout).unwrap(), said)
+}
+
+fn pose(numbers: &Value) -> Pose {
+    let numbers: Vec<f64> = numbers.as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
+    Pose::from_matrix(&numbers.try_into().unwrap()).unwrap()
+}
+
+fn apart(a: [f64; 3], b: [f64; 3]) -> f64 {
+    (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt()
+}
+
+fn mean(values: impl Iterator<Item = f64>) -> f64 {
+    let values: Vec<f64> = values.collect();
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+/// How far a calibration is from the truth, on average.
+struct Errors {
+    /// Of camera centres, metres, and what the calibration expects.
+    centres: f64,
+    expected: f64,
+    /// Of orientations, degrees.
+    rotations: f64,
+    /// Of lights, metres.
+    lights: f64,
+    /// Residuals, pixels.
+    rms: f64,
+}
+
+impl Errors {
+    fn of(found: &Value, truth: &Value) -> Errors {
+        let waypoints = found["waypoints"].as_array().unwrap();
+        let cameras = truth["cameras"].as_array().unwrap();
+        assert_eq!(waypoints.len(), cameras.len());
+        let pairs: Vec<(Pose, Pose)> = waypoints
+            .iter()
+            .zip(cameras)
+            .map(|(waypoint, camera)| {
+                assert_eq!(waypoint["label"], camera["label"]);
+                (pose(&waypoint["camera_to_world"]), pose(&camera["to_world"]))
+            })
+            .collect();
+        // Between two rotations of small difference: that of all three axes, over the square root of two.
+        let turned = |(a, b): &(Pose, Pose)| {
+            let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+            let squares: f64 = axes.iter().map(|&v| apart(a.rotate(v), b.rotate(v)).powi(2)).sum();
+            (squares / 2.0).sqrt().to_degrees()
+        };
+        let base = pose(&found["light"]["base_to_world"]);
+        let lights = truth["lights"].as_array().unwrap().iter().map(|light| {
+            let told = pose(&light["told_in_base"]).position();
+            apart(base.transform(told), pose(&light["to_world"]).position())
+        });
+        Errors {
+            centres: mean(pairs.iter().map(|(a, b)| apart(a.position(), b.position()))),
+            expected: mean(waypoints.iter().map(|w| w["position_error"].as_f64().unwrap())),
+            rotations: mean(pairs.iter().map(turned)),
+            lights: mean(lights),
+            rms: found["rms_pixels"].as_f64().unwrap(),
+        }
+    }
+
+    /// What is asked of a calibration.
+    fn check(&self) {
+        assert!(self.centres < 1e-4 && self.rotations < 0.02, "{self}");
+        assert!(self.rms < 0.15 && self.lights < 1e-4, "{self}");
+    }
+}
+
+impl Display for Errors {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let [centres, expected, lights] =
+            [self.centres, self.expected, self.lights].map(|metres| metres * 1e3);
+        let Errors { rotations, rms, .. } = self;
+        write!(
+            f,
+            "centres {centres:.4} mm ({expected:.4} expected), {rotations:.4} degrees, {rms:.4} px RMS, lights {lights:.4} mm"
+        )
+    }
+}
+
+const SMALL: &str = "--size 640x480 --views 6 --lens-views 8 --samples 4 --board 9x7 --square 0.036 --marker 0.027 \
+                     --dictionary DICT_4X4_50 --distortion -0.08,0.05,0.0004,-0.0003,0";
+
+#[test]
+fn cameras_lens_and_light_are_found_and_a_move_is_noticed() {
+    let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
+    let (session, truth) = shot(folder.path(), SMALL);
+    let (found, said) = succeed(&session, &["--json"]);
+    let errors = Errors::of(&found, &truth);
+    println!("{errors}");
+    errors.check();
+    assert!(errors.centres < 1.5 * errors.expected, "{errors}");
+    for key in ["left_out", "bad_waypoints", "weak_waypoints"] {
+        assert_eq!(found[key], serde_json::json!([]), "{key}");
+    }
+    // Every corner that the pictures show; nothing that concerns nobody.
+    assert!(found["waypoints"].as_array().unwrap().iter().all(|w| w["corners"] == 48), "{found}");
+    assert_eq!(said, "");
+    let people = String::from_utf8(calibrate(&session, &[]).stdout).unwrap();
+    assert!(people.contains("8 of 8 photographs for the lens") && people.contains("4 touches"), "{people}");
+
+    // Without them: as good in pixels, and weak by its own account.
+    let calibration = session.join("calibration.json");
+    let kept = folder.path().join("kept.json");
+    fs::copy(&calibration, &kept).unwrap();
+    fs::rename(session.join("lens"), folder.path().join("lens")).unwrap();
+    let (weak, said) = succeed(&session, &["--json"]);
+    let alone = Errors::of(&weak, &truth);
+    println!("without photographs for the lens: {alone}");
+    assert!(alone.rms < 0.06 && alone.expected > 1e-3, "{alone}");
+    assert_eq!(weak["weak_waypoints"].as_array().unwrap().len(), 6);
+    assert!(said.contains("weak") && said.contains("0, 1, 2, 3, 4, 5"), "{said}");
+    // What is known from then makes up for them.
+    let (again, said) = succeed(&session, &["--json", "--lens", kept.to_str().unwrap()]);
+    Errors::of(&again, &truth).check();
+    assert_eq!(said, "");
+
+    // It holds where nothing moved, and not where a camera stands elsewhere.
+    let recheck = session.join("recheck");
+    fs::create_dir(&recheck).unwrap();
+    fs::copy(session.join("board/00001.png"), recheck.join("00001.png")).unwrap();
+    assert_eq!(succeed(&session, &["--recheck", "--json"]).0["holds"], true);
+    fs::copy(session.join("board/00003.png"), recheck.join("00002.png")).unwrap();
+    let output = calibrate(&session, &["--recheck"]);
+    let (said, error) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("moved") && error.contains("no longer holds"), "{said} {error}");
+}
+
+/// The whole rig: all waypoints of the paper at the camera's full size, three times.
+#[test]
+#[ignore = "takes several minutes a seed"]
+fn the_whole_rig_is_calibrated() {
+    let held = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
+    let folder = std::env::var_os("RELIGHT_BOARDS").map_or(held.path().to_owned(), PathBuf::from);
+    for seed in 1..=3 {
+        let arguments =
+            format!("--samples 4 --seed {seed} --resume --distortion -0.08,0.05,0.0004,-0.0003,0");
+        let (session, truth) = shot(&folder.join(format!("seed-{seed}")), &arguments);
+        let (found, _) = succeed(&session, &["--json"]);
+        let errors = Errors::of(&found, &truth);
+        println!("seed {seed}: {errors}");
+        errors.check();
+        assert_eq!(found["bad_waypoints"], serde_json::json!([]));
+        fs::rename(session.join("lens"), session.join("not-lens")).unwrap();
+        let alone = Errors::of(&succeed(&session, &["--json"]).0, &truth);
+        fs::rename(session.join("not-lens"), session.join("lens")).unwrap();
+        println!("seed {seed}, without photographs for the lens: {alone}");
+    }
+}
+
+#[test]
+fn a_session_of_board_photographs_goes_on_where_it_stopped() {
+    let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
+    let arguments = "--size 48x36 --views 2 --lens-views 1 --samples 1 --touches 1";
+    let (session, _) = shot(folder.path(), arguments);
+    let photograph = session.join("board/00001.png");
+    let bytes = fs::read(&photograph).unwrap();
+    fs::remove_file(&photograph).unwrap();
+    shot(folder.path(), &format!("{arguments} --resume"));
+    assert_eq!(fs::read(&photograph).unwrap(), bytes);
+    assert!(fs::read_to_string(session.join("board.toml")).unwrap().contains("light-base-to-world"));
+    let fail = |arguments: &str| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_relight"));
+        command.args(["capture", "shoot-board", "--out"]).arg(&session).args(arguments.split_whitespace());
+        let output = command.output().unwrap();
+        assert!(!output.status.success(), "{arguments}");
+        String::from_utf8(output.stderr).unwrap()
+    };
+    assert!(fail(arguments).contains("is not empty"));
+    let other = fail(&format!("{arguments} --resume --seed 1"));
+    assert!(other.contains("board.toml") && other.contains("other settings"), "{other}");
+    assert!(fail("--distortion 1,2").contains("five numbers"));
+    assert!(fail("--touches 9").contains("0..=8"));
+    assert!(fail("--resume --square 0.01").contains("marker"));
 }

@@ -133,8 +133,9 @@ fn list(left_out: &[LeftOut]) -> String {
 /// # Errors
 /// If the views or touches do not determine what they should; the message says what is missing.
 pub fn calibrate(measurements: &Measurements) -> Result<Calibration, CalibrationError> {
-    let Measurements { board, board_to_world, image_size: (width, height), views, lens_views, earlier, .. } =
-        *measurements;
+    let Measurements {
+        board, board_to_world, image_size: (width, height), views, lens_views, earlier, ..
+    } = *measurements;
     if width == 0 || height == 0 {
         return Err(CalibrationError::NoImage(width, height));
     }
@@ -197,8 +198,11 @@ pub fn calibrate(measurements: &Measurements) -> Result<Calibration, Calibration
         problem: f.is_bad.then(|| STANDS_OUT.to_owned()),
     }));
     sorted.lens_photographs.sort_by_key(|photograph| photograph.label);
-    let squares: Vec<f64> =
-        good_views(&fitted).iter().flat_map(|view| lengths(&lens, view)).map(|length| length * length).collect();
+    let squares: Vec<f64> = good_views(&fitted)
+        .iter()
+        .flat_map(|view| lengths(&lens, view))
+        .map(|length| length * length)
+        .collect();
     let light = if measurements.touches.is_empty() {
         None
     } else {
@@ -246,9 +250,8 @@ fn knowledge_of(
     let lens = Lens::of(before).filter(|_| is_same_size);
     let lens = lens.ok_or(CalibrationError::Earlier(before.width, before.height))?;
     let held = earlier.intrinsics_errors.map(|error| error == 0.0);
-    let information = SMatrix::from_fn(|i, j| {
-        if held[i] || held[j] { 0.0 } else { earlier.lens_information[i][j] }
-    });
+    let information =
+        SMatrix::from_fn(|i, j| if held[i] || held[j] { 0.0 } else { earlier.lens_information[i][j] });
     Ok((lens, Knowledge { held, earlier: Some((lens, information)) }))
 }
 

@@ -66,16 +66,16 @@ fn expected(board: &Board, found: &[Found], id: u32, on_board: Vector2<f64>) -> 
     let mut nearest: Vec<&Found> = found.iter().collect();
     nearest.sort_by(|a, b| (a.on_board - on_board).norm().total_cmp(&(b.on_board - on_board).norm()));
     // Those as near as the last one too: a row of corners alone would lie on a line.
-    let reach = nearest.get(NEIGHBOURS.min(nearest.len()).checked_sub(1)?).map(|f| (f.on_board - on_board).norm())?;
+    let reach =
+        nearest.get(NEIGHBOURS.min(nearest.len()).checked_sub(1)?).map(|f| (f.on_board - on_board).norm())?;
     let is_near = |f: &&&Found| (f.on_board - on_board).norm() <= reach * (1.0 + 1e-9);
     let pairs: Vec<_> = nearest.iter().filter(is_near).map(|f| (f.on_board, f.at)).collect();
     if pairs.len() < FEWEST.min(found.len()) {
         return None;
     }
     // Too few around it, or on a line: all together.
-    let plane = homography::fit(&pairs).or_else(|| {
-        homography::fit(&found.iter().map(|f| (f.on_board, f.at)).collect::<Vec<_>>())
-    })?;
+    let plane = homography::fit(&pairs)
+        .or_else(|| homography::fit(&found.iter().map(|f| (f.on_board, f.at)).collect::<Vec<_>>()))?;
     let (at, jacobian) = homography::apply(&plane, on_board)?;
     let along = board.columns() - 1;
     Some(Expected {

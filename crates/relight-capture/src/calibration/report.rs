@@ -50,14 +50,10 @@ impl fmt::Display for Calibration {
 
 impl Calibration {
     fn write_lens_photographs(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let all = self.lens_photographs.len();
         let taking_part = self.lens_photographs.iter().filter(|p| p.problem.is_none()).count();
-        if !self.lens_photographs.is_empty() {
-            writeln!(f, "          {taking_part} photographs for the lens alone")?;
-        }
-        for photograph in &self.lens_photographs {
-            if let Some(problem) = &photograph.problem {
-                writeln!(f, "          photograph {} for the lens took no part: {problem}", photograph.label)?;
-            }
+        if all > 0 {
+            writeln!(f, "          {taking_part} of {all} photographs for the lens alone took part")?;
         }
         Ok(())
     }

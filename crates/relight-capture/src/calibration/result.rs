@@ -65,7 +65,7 @@ impl Calibration {
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LensPhotograph {
-    /// Its number.
+    /// Its number, in the order of the names of files.
     pub label: usize,
     /// Corners that it shows.
     pub corners: usize,

@@ -159,11 +159,7 @@ pub(super) fn fit<E>(
 
 /// Fits the lens to the good views, least squares first, then with a robust threshold that follows the residuals. Gives the
 /// threshold.
-fn fit_good(
-    lens: &mut Lens,
-    fitted: &mut [Fitted],
-    knowledge: &Knowledge,
-) -> Result<f64, Undetermined> {
+fn fit_good(lens: &mut Lens, fitted: &mut [Fitted], knowledge: &Knowledge) -> Result<f64, Undetermined> {
     let mut views: Vec<View> = fitted.iter().filter(|f| !f.is_bad).map(|f| f.view.clone()).collect();
     let mut threshold = f64::INFINITY;
     for _ in 0..ROUNDS {

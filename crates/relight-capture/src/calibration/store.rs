@@ -200,7 +200,8 @@ pub fn load(path: &Path) -> Result<(Calibration, u64), StoreError> {
             fault,
         })
     };
-    let StoredLens { width, height, fx, fy, cx, cy, distortion, errors, information, corner_variance } = file.lens;
+    let StoredLens { width, height, fx, fy, cx, cy, distortion, errors, information, corner_variance } =
+        file.lens;
     let intrinsics = Intrinsics { width, height, fx, fy, cx, cy, distortion: distortion.to_vec() };
     if width == 0 || height == 0 || fx <= 0.0 || fy <= 0.0 {
         return Err(StoreError::Lens { path: path.to_owned(), intrinsics });

@@ -13,11 +13,11 @@ use serde::Serialize;
 use super::random::{hash, normals};
 use super::virtual_capture::{AZIMUTH_DEGREES, LENS};
 use super::{CaptureRig, Lamp, RigError, Sensor, Settings, Stage, VirtualRig, charuco_board};
+use crate::calibration::frames::compose;
 use crate::calibration::{
     BOARD, Board, BoardFile, LENS_VIEWS, ShootError, Touch, VIEWS, lens_viewpoints, photograph_name,
     shoot_board,
 };
-use crate::calibration::frames::compose;
 use crate::camera::Development;
 use crate::trajectory::{Plan, PlanError, PlanSettings};
 

@@ -17,8 +17,8 @@ use crate::console::{Progress, print_json, print_line};
 /// Calibrate the lens, every camera waypoint and the light's arm from photographs and touches of a ChArUco board.
 ///
 /// Reads SESSION/board.toml and the photographs SESSION/board/LABEL.png, one a waypoint (LABEL-2.png and so on for more of the
-/// same), refines lens and viewpoints together, and writes SESSION/calibration.json. Photographs SESSION/lens/NUMBER.png, if there
-/// are any, help to determine the lens: the board may lie anywhere in them, and the camera be anywhere, at the same focus. The
+/// same), refines lens and viewpoints together, and writes SESSION/calibration.json. Photographs in SESSION/lens, of any names,
+/// help to determine the lens: the board may lie anywhere in them, and the camera be anywhere, at the same focus. The
 /// residuals of each waypoint are told in pixels and millimetres, with the error that is to be expected of its pose; bad
 /// waypoints and weak geometry are named.
 #[derive(clap::Args)]
@@ -59,12 +59,11 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         return check(args, &board, quiet);
     }
     let earlier = args.lens.as_deref().map(load).transpose()?.map(|(earlier, _)| earlier);
-    let (views, image_size) = look(&args.session.join(VIEWS), &board, quiet)?;
-    let lens_views = args.session.join(LENS_VIEWS);
-    let (lens_views, lens_size) =
-        if lens_views.is_dir() { look(&lens_views, &board, quiet)? } else { (Vec::new(), image_size) };
+    let (views, image_size) = look(&by_waypoint(&args.session.join(VIEWS))?, &board, quiet)?;
+    let for_the_lens = in_order(&args.session.join(LENS_VIEWS))?;
+    let (lens_views, lens_size) = look(&for_the_lens, &board, quiet)?;
     ensure!(
-        lens_size == image_size,
+        lens_views.is_empty() || lens_size == image_size,
         "{}: the photographs of {VIEWS} are {}x{}, those of {LENS_VIEWS} {}x{}; shoot both with the same camera",
         args.session.display(),
         image_size.0,
@@ -86,6 +85,11 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let out = args.session.join(CALIBRATION);
     let made = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
     store(&calibration, made, &out)?;
+    for photograph in &calibration.lens_photographs {
+        if let (Some(problem), Some((_, path))) = (&photograph.problem, for_the_lens.get(photograph.label)) {
+            tracing::warn!("{}: took no part in the lens: {problem}", path.display());
+        }
+    }
     for warning in calibration.warnings() {
         tracing::warn!("{}: {warning}", args.session.display());
     }
@@ -113,7 +117,7 @@ fn check(args: &Args, board: &Board, quiet: bool) -> anyhow::Result<()> {
         file.display(),
         args.session.join(BOARD).display()
     );
-    let (views, _) = look(&args.session.join(RECHECK), board, quiet)?;
+    let (views, _) = look(&by_waypoint(&args.session.join(RECHECK))?, board, quiet)?;
     let found = recheck(&calibration, &views, Tolerance::default())?;
     if args.json {
         print_json(&found)?;
@@ -137,9 +141,12 @@ fn check(args: &Args, board: &Board, quiet: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The corners in the photographs of a folder, by waypoint, and the size of these.
-fn look(folder: &Path, board: &Board, quiet: bool) -> anyhow::Result<(Vec<WaypointView>, (u32, u32))> {
-    let photographs = photographs(folder)?;
+/// The corners in numbered photographs, by number, and the size of these.
+fn look(
+    photographs: &[(usize, PathBuf)],
+    board: &Board,
+    quiet: bool,
+) -> anyhow::Result<(Vec<WaypointView>, (u32, u32))> {
     let bar = Progress::new("detecting", photographs.len() as u64, quiet);
     let done = std::sync::atomic::AtomicU64::new(0);
     let seen = photographs.par_iter().map(|(label, path)| -> anyhow::Result<_> {
@@ -155,7 +162,7 @@ fn look(folder: &Path, board: &Board, quiet: bool) -> anyhow::Result<(Vec<Waypoi
     bar.clear();
     let mut views: Vec<WaypointView> = Vec::new();
     let size = seen.first().map_or((0, 0), |(_, size)| *size);
-    for ((view, this), (_, path)) in seen.into_iter().zip(&photographs) {
+    for ((view, this), (_, path)) in seen.into_iter().zip(photographs) {
         ensure!(
             this == size,
             "{}: is {}x{}, others are {}x{}",
@@ -174,16 +181,11 @@ fn look(folder: &Path, board: &Board, quiet: bool) -> anyhow::Result<(Vec<Waypoi
 }
 
 /// Photographs of a folder with the waypoint that each is of, by waypoint.
-fn photographs(folder: &Path) -> anyhow::Result<Vec<(usize, PathBuf)>> {
+fn by_waypoint(folder: &Path) -> anyhow::Result<Vec<(usize, PathBuf)>> {
+    let label = |path: &Path| path.file_stem()?.to_str()?.split('-').next()?.parse().ok();
     let mut found = Vec::new();
-    for entry in fs::read_dir(folder).with_context(|| folder.display().to_string())? {
-        let path = entry.with_context(|| folder.display().to_string())?.path();
-        let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        if stem.starts_with('.') {
-            continue;
-        }
-        let label = stem.split('-').next().and_then(|digits| digits.parse().ok());
-        let label = label.with_context(|| {
+    for path in files(folder).with_context(|| folder.display().to_string())? {
+        let label = label(&path).with_context(|| {
             format!("{}: is named after no waypoint; photographs are named like 00013.png", path.display())
         })?;
         found.push((label, path));
@@ -191,4 +193,22 @@ fn photographs(folder: &Path) -> anyhow::Result<Vec<(usize, PathBuf)>> {
     ensure!(!found.is_empty(), "{}: holds no photographs; name them like 00013.png", folder.display());
     found.sort();
     Ok(found)
+}
+
+/// Photographs of a folder in the order of their names, numbered; none without a folder.
+fn in_order(folder: &Path) -> anyhow::Result<Vec<(usize, PathBuf)>> {
+    if !folder.exists() {
+        return Ok(Vec::new());
+    }
+    let mut found = files(folder).with_context(|| folder.display().to_string())?;
+    found.sort();
+    Ok(found.into_iter().enumerate().collect())
+}
+
+/// All files that are not hidden.
+fn files(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
+    let is_hidden =
+        |path: &PathBuf| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
+    let paths = fs::read_dir(folder)?.map(|entry| entry.map(|entry| entry.path()));
+    paths.filter(|path| !path.as_ref().is_ok_and(is_hidden)).collect()
 }
