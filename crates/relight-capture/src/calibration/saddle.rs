@@ -307,6 +307,20 @@ mod tests {
     }
 
     #[test]
+    fn a_doubled_picture_shows_the_same_places() {
+        let ramp = |k: usize| (8 * (k % 12) + 4 * (k / 12)) as u8;
+        let small = Grey { width: 12, height: 9, data: (0..12 * 9).map(ramp).collect() };
+        let large = small.doubled();
+        assert_eq!((large.width, large.height, large.data.len()), (24, 18, 24 * 18));
+        // Away from the edges, where the last pixel counts twice.
+        for (x, y) in (1..17).flat_map(|y| (1..23).map(move |x| (x, y))) {
+            let at = Grey::halved(Vector2::new(f64::from(x), f64::from(y)));
+            let grey = f64::from(large.data[(y * 24 + x) as usize]);
+            assert!((grey - (8.0 * at.x + 4.0 * at.y)).abs() <= 0.5, "{x} {y}: {grey}");
+        }
+    }
+
+    #[test]
     fn a_corner_anywhere_in_its_pixel_is_found() {
         let tone = |v: f64, _| 30.0 + 190.0 * v;
         let blurred = worst(1.5, tone);
