@@ -133,11 +133,8 @@ impl Record {
 
     /// How the scores came about, in a line.
     pub fn told(&self) -> String {
-        let Made { version, commit, device, steps, seconds } = &self.made;
-        let minutes = seconds / 60.0;
-        format!(
-            "{}, seed {}, preset {}, {steps} steps in {minutes:.1} min, {device}, relight {version} ({commit})",
-            self.job.model, self.job.seed, self.config.preset
-        )
+        let Made { version, commit, device, steps, .. } = &self.made;
+        let (model, seed, preset) = (&self.job.model, self.job.seed, &self.config.preset);
+        format!("{model}, seed {seed}, preset {preset}, {steps} steps, {device}, relight {version} ({commit})")
     }
 }

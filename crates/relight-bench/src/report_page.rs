@@ -16,10 +16,15 @@ const STYLE: &str = include_str!("report_page.css");
 impl ReportPage {
     /// A page with a title.
     pub fn new(title: &str) -> Self {
+        Self::styled(title, "")
+    }
+
+    /// A page with a title, and with a style sheet beside the usual one.
+    pub(crate) fn styled(title: &str, style: &str) -> Self {
         let title = escape(title);
         let html = format!(
             "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{title}</title>\n\
-             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"><style>{STYLE}</style></head><body>\n<h1>{title}</h1>\n"
+             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"><style>\n{STYLE}{style}</style></head><body>\n<h1>{title}</h1>\n"
         );
         Self { html }
     }

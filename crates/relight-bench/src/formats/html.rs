@@ -23,8 +23,7 @@ pub fn write(report: &Report<'_>) -> String {
         [(scene, _)] => scene.clone(),
         scenes => format!("{} scenes", scenes.len()),
     };
-    let mut page = ReportPage::new(&format!("{}: {scenes}", report.kind.title()));
-    page.html(STYLE);
+    let mut page = ReportPage::styled(&format!("{}: {scenes}", report.kind.title()), STYLE);
     if let Some(how) = report.notes.first() {
         page.lead(how);
     }

@@ -25,20 +25,25 @@ pub fn write(report: &Report<'_>) -> String {
 fn whole(report: &Report<'_>, table: &Table) -> String {
     let (words, groups) = (table.stubs.len(), table.groups.len());
     let columns = format!("{}{}", "l".repeat(words), "rr".repeat(groups));
-    let notes: Vec<String> = report.unfinished().into_iter().chain(report.notes.iter().cloned()).collect();
-    let caption = escape(&format!("{}: {}. {}", report.kind.title(), table.title.to_lowercase(), notes.join(" ")));
+    let caption = escape(&format!(
+        "{} ({}): PSNR in dB and SSIM.",
+        report.kind.title(),
+        table.title.to_lowercase()
+    ));
     let label = format!("tab:{}-{}", report.kind.name(), table.title.to_lowercase());
-    let body = rows(table);
-    let head = head(table);
+    let notes: Vec<String> = report.unfinished().into_iter().chain(report.notes.iter().cloned()).collect();
+    let notes = escape(&notes.join(" "));
+    let (head, body) = (head(table), rows(table));
     if table.rows.len() > LONGEST {
         return format!(
             "{{\\footnotesize\n\\begin{{longtable}}{{{columns}}}\n\\caption{{{caption}}}\\label{{{label}}}\\\\\n{head}\\endfirsthead\n\
-             {head}\\endhead\n{body}\\bottomrule\n\\end{{longtable}}}}\n"
+             {head}\\endhead\n{body}\\bottomrule\n\\end{{longtable}}\n\\noindent\\scriptsize {notes}\\par}}\n"
         );
     }
     format!(
-        "\\begin{{table}}\n\\centering\n\\footnotesize\n\\setlength{{\\tabcolsep}}{{4pt}}\n\\begin{{tabular}}{{{columns}}}\n{head}{body}\
-         \\bottomrule\n\\end{{tabular}}\n\\caption{{{caption}}}\\label{{{label}}}\n\\end{{table}}\n"
+        "\\begin{{table}}\n\\centering\n\\caption{{{caption}}}\\label{{{label}}}\n\\footnotesize\n\\setlength{{\\tabcolsep}}{{4pt}}\n\
+         \\begin{{tabular}}{{{columns}}}\n{head}{body}\\bottomrule\n\\end{{tabular}}\n\\par\\smallskip\n\
+         \\parbox{{\\linewidth}}{{\\scriptsize {notes}}}\n\\end{{table}}\n"
     )
 }
 
@@ -72,7 +77,10 @@ fn rows(table: &Table) -> String {
         }
         for (group, entry) in row.entries.iter().enumerate() {
             let best = entry.as_ref().map_or([false; 2], |entry| entry.best);
-            let told = row.told(group).unwrap_or([MISSING.to_owned(), MISSING.to_owned()]);
+            let Some(told) = row.told(group) else {
+                cells.extend([escape(MISSING), escape(MISSING)]);
+                continue;
+            };
             cells.extend(told.iter().zip(best).map(|(number, best)| match row.kind {
                 RowKind::Published => format!("\\textit{{{}}}", escape(number)),
                 _ if best => format!("\\textbf{{{}}}", escape(number)),
