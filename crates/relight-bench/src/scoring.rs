@@ -63,10 +63,12 @@ pub fn score(
                 Outcome::Scored(evaluation)
             }
             Ok(None) => return Ok(None),
-            Err(TrainError::BlackGroundTruth { count, total, .. }) => Outcome::Skipped(format!(
-                "{count} of {total} images are black: the official release withholds them, so their scores come from the \
-                 benchmark's server"
-            )),
+            Err(TrainError::BlackGroundTruth { count, total, .. }) => {
+                let black = if count == total { "all".to_owned() } else { format!("{count} of {total}") };
+                Outcome::Skipped(format!(
+                    "{black} images are black: the official release withholds them, and its benchmark's server scores them"
+                ))
+            }
             Err(TrainError::Data(_)) if frames.is_empty() => Outcome::Skipped("the split holds no images".to_owned()),
             Err(error) => return Err(error.into()),
         };

@@ -5,6 +5,7 @@ use std::fs;
 
 use relight_field::architecture::{Architecture, EmbeddingEntry, LightInput};
 
+use crate::formats::chart;
 use crate::formats::markdown::MISSING;
 use crate::pictures::{BRIGHTEST_ERROR, inferno};
 use crate::record::{Record, Shown};
@@ -29,6 +30,9 @@ pub fn write(report: &Report<'_>) -> String {
     }
     if let Some(unfinished) = report.unfinished() {
         page.warning(&unfinished);
+    }
+    if report.kind == Kind::Ablation {
+        page.html(&chart::write(results));
     }
     for table in &report.tables {
         if report.tables.len() > 1 {

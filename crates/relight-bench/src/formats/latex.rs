@@ -7,6 +7,9 @@ use crate::table::{Row, RowKind, Table};
 /// More rows than this do not fit on a page.
 const LONGEST: usize = 40;
 
+/// More columns than this do not fit beside a second column of text.
+const WIDEST: usize = 8;
+
 /// The tables, one after the other, to be included in a document.
 pub fn write(report: &Report<'_>) -> String {
     let is_long = report.tables.iter().any(|table| table.rows.len() > LONGEST);
@@ -40,10 +43,11 @@ fn whole(report: &Report<'_>, table: &Table) -> String {
              {head}\\endhead\n{body}\\bottomrule\n\\end{{longtable}}\n\\noindent\\scriptsize {notes}\\par}}\n"
         );
     }
+    let float = if words + 2 * groups > WIDEST { "table*" } else { "table" };
     format!(
-        "\\begin{{table}}\n\\centering\n\\caption{{{caption}}}\\label{{{label}}}\n\\footnotesize\n\\setlength{{\\tabcolsep}}{{4pt}}\n\
+        "\\begin{{{float}}}\n\\centering\n\\caption{{{caption}}}\\label{{{label}}}\n\\footnotesize\n\\setlength{{\\tabcolsep}}{{4pt}}\n\
          \\begin{{tabular}}{{{columns}}}\n{head}{body}\\bottomrule\n\\end{{tabular}}\n\\par\\smallskip\n\
-         \\parbox{{\\linewidth}}{{\\scriptsize {notes}}}\n\\end{{table}}\n"
+         \\parbox{{\\linewidth}}{{\\scriptsize {notes}}}\n\\end{{{float}}}\n"
     )
 }
 

@@ -1,5 +1,6 @@
 //! One file a format.
 
+mod chart;
 pub mod csv;
 pub mod html;
 pub mod json;
