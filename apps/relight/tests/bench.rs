@@ -36,7 +36,8 @@ fn copy(from: &Path, to: &Path) {
 /// Cells of the Markdown table's row that begins with `words`.
 fn row(markdown: &str, heading: &str, words: &[&str]) -> Vec<String> {
     let (_, text) = markdown.split_once(heading).unwrap_or_else(|| panic!("no {heading} in\n{markdown}"));
-    let cells = |line: &str| -> Vec<String> { line.split('|').map(|cell| cell.trim().replace('*', "")).collect() };
+    let cells =
+        |line: &str| -> Vec<String> { line.split('|').map(|cell| cell.trim().replace('*', "")).collect() };
     let rows = text.lines().map(cells);
     let is_it = |row: &Vec<String>| row.len() > words.len() + 1 && row[1..=words.len()] == *words;
     rows.into_iter().find(is_it).unwrap_or_else(|| panic!("no {words:?} in\n{text}"))
@@ -50,15 +51,25 @@ fn the_ablation_leaves_five_files_that_say_what_eval_says() {
     assert_eq!(out.trim(), markdown.trim());
     let (tex, html) = (read(&shop, "tables/ablation.tex"), read(&shop, "tables/ablation.html"));
     let (csv, table) = (read(&shop, "tables/ablation.csv"), json(&shop, "tables/ablation.json"));
-    for (place, (split, heading)) in [("val", "## Validation"), ("easy", "## Easy"), ("hard", "## Hard")].iter().enumerate() {
+    for (place, (split, heading)) in
+        [("val", "## Validation"), ("easy", "## Easy"), ("hard", "## Hard")].iter().enumerate()
+    {
         for (model, name) in [("v1", "V1"), ("v5", "V5")] {
             let run = format!("tables/runs/scene-{model}-s0");
             let scores = shop.json(&format!("eval {run} --split {split} --json"));
             let [psnr, ssim] = ["psnr", "ssim"].map(|metric| scores[metric].as_f64().unwrap());
             let told = [format!("{psnr:.2}"), format!("{ssim:.3}")];
             assert_eq!(row(&markdown, heading, &[name])[7..9], told, "{split} {model}");
-            let entry = &table["tables"][place]["rows"].as_array().unwrap().iter().find(|r| r["stubs"][0] == name).unwrap()["entries"][0];
-            assert_eq!((entry["psnr"]["mean"].as_f64(), entry["ssim"]["mean"].as_f64()), (Some(psnr), Some(ssim)));
+            let entry = &table["tables"][place]["rows"]
+                .as_array()
+                .unwrap()
+                .iter()
+                .find(|r| r["stubs"][0] == name)
+                .unwrap()["entries"][0];
+            assert_eq!(
+                (entry["psnr"]["mean"].as_f64(), entry["ssim"]["mean"].as_f64()),
+                (Some(psnr), Some(ssim))
+            );
             assert_eq!(entry["runs"], serde_json::json!([format!("scene-{model}-s0")]));
             assert!(csv.contains(&format!("scene,{model},run,{split},{psnr},{ssim},")), "{csv}");
             for text in [&tex, &html] {
@@ -79,7 +90,7 @@ fn the_ablation_leaves_five_files_that_say_what_eval_says() {
     assert!(html.contains("title=\"scene-v5-s0: v5, seed 0, preset fast, 20 steps, cpu"));
     // Photograph, prediction and error of both, and the visibility of V5.
     assert_eq!(html.matches("<img ").count(), 7);
-    assert_eq!(html.matches("V1 has no visibility network").count(), 1);
+    assert_eq!(html.matches("V1 has no visibility").count(), 1);
     assert!(!markdown.contains(", published"), "nobody published this scene");
     assert!(tex.contains("\\begin{tabular}{llllllrr}"));
 }
@@ -123,7 +134,10 @@ fn a_scene_that_cannot_be_read_stops_no_other() {
     let markdown = read(&shop, "tables/benchmark.md");
     assert_eq!(row(&markdown, "# Benchmark", &["broken", "V5"])[3..5], ["–", "–"]);
     assert!(row(&markdown, "# Benchmark", &["scene", "V5"])[3].parse::<f64>().is_ok());
-    assert!(markdown.contains("broken-v5-s0 failed") && markdown.contains("nowhere-v5-s0 failed"), "{markdown}");
+    assert!(
+        markdown.contains("broken-v5-s0 failed") && markdown.contains("nowhere-v5-s0 failed"),
+        "{markdown}"
+    );
 }
 
 #[test]
@@ -138,6 +152,32 @@ fn a_training_that_fails_stops_no_other() {
     assert!(row(&markdown, "# Benchmark", &["scene", "V3"])[3].parse::<f64>().is_ok());
     fs::remove_file(shop.path("tables/runs/scene-v5-s0/mine.txt")).unwrap();
     shop.succeed(&format!("bench benchmark scene --out tables --models v5,v3 {STEPS}"));
+}
+
+#[test]
+fn a_test_image_that_cannot_be_read_is_told_and_costs_no_training() {
+    let shop = Workshop::new();
+    shop.train("run");
+    let images = shop.json("eval run --split easy --json")["images"].clone();
+    let [camera, light] = ["camera", "light"].map(|key| images[0][key].as_u64().unwrap());
+    let path = shop.path(&format!("scene/lset{light:03}/data/{camera:05}_image.png"));
+    let whole = fs::read(&path).unwrap();
+    fs::write(&path, &whole[..whole.len() / 2]).unwrap();
+    let command = format!("bench benchmark scene --out tables {STEPS}");
+    let said = shop.fail(&command, 1);
+    assert!(
+        said.contains("1 of 1 runs failed") && said.contains(&format!("{camera:05}_image.png")),
+        "{said}"
+    );
+    let weights = shop.path("tables/runs/scene-v5-s0/weights.safetensors");
+    let metrics = shop.path("tables/runs/scene-v5-s0/metrics.jsonl");
+    let before = [fs::read(&weights).unwrap(), fs::read(&metrics).unwrap()];
+    fs::write(&path, &whole).unwrap();
+    shop.succeed(&command);
+    assert!(
+        [fs::read(&weights).unwrap(), fs::read(&metrics).unwrap()] == before,
+        "scored, not trained again"
+    );
 }
 
 #[test]
@@ -158,8 +198,13 @@ fn black_test_images_are_never_scored() {
     assert!(row[3].parse::<f64>().is_ok());
     assert_eq!(row[5..9], ["–", "–", "–", "–"]);
     assert!(markdown.contains("Not scored: scene (easy and hard)"), "{markdown}");
-    let images = |split| json(&shop, "tables/runs/scene-v5-s0/result.json")["splits"][split]["outcome"].clone();
-    assert!(images(0)["scored"].is_object() && images(1)["skipped"].is_string() && images(2)["skipped"].is_string());
+    let images =
+        |split| json(&shop, "tables/runs/scene-v5-s0/result.json")["splits"][split]["outcome"].clone();
+    assert!(
+        images(0)["scored"].is_object()
+            && images(1)["skipped"].is_string()
+            && images(2)["skipped"].is_string()
+    );
 }
 
 #[test]
@@ -174,7 +219,12 @@ fn what_cannot_be_is_refused_before_any_work() {
     assert!(!shop.path("tables").exists());
     shop.succeed(&format!("bench benchmark scene --out tables {STEPS}"));
     let said = shop.fail("bench benchmark scene --out tables --steps 30 --recipe recipe.toml", 1);
-    assert!(said.contains("other settings (preset fast, changed, 20 steps, and now preset fast, changed, 30 steps)"), "{said}");
+    assert!(
+        said.contains(
+            "other settings (preset fast, changed, 20 steps, and now preset fast, changed, 30 steps)"
+        ),
+        "{said}"
+    );
     fs::remove_file(shop.path("tables/jobs.json")).unwrap();
     let said = shop.fail("bench benchmark scene --out tables --steps 30 --recipe recipe.toml", 1);
     assert!(said.contains("scene-v5-s0: was trained with other settings (steps or minutes)"), "{said}");
@@ -191,7 +241,12 @@ mod stopping {
     const LONG: &str = "--models v1,v5 --steps 300 --recipe recipe.toml";
 
     /// Starts a command, and sends it `signal` once `awaited` is there.
-    fn signalled(shop: &Workshop, arguments: &str, awaited: &[PathBuf], signal: &str) -> (Option<i32>, String) {
+    fn signalled(
+        shop: &Workshop,
+        arguments: &str,
+        awaited: &[PathBuf],
+        signal: &str,
+    ) -> (Option<i32>, String) {
         let mut child = shop.command(arguments).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
         let patience = Instant::now();
         while !awaited.iter().all(|path| path.exists()) {
@@ -219,7 +274,14 @@ mod stopping {
     }
 
     fn csv_timeless(text: &str) -> Vec<String> {
-        let without = |line: &str| line.split(',').enumerate().filter(|(i, _)| *i != 12).map(|(_, f)| f).collect::<Vec<_>>().join(",");
+        let without = |line: &str| {
+            line.split(',')
+                .enumerate()
+                .filter(|(i, _)| *i != 12)
+                .map(|(_, f)| f)
+                .collect::<Vec<_>>()
+                .join(",")
+        };
         text.lines().map(without).collect()
     }
 
@@ -229,9 +291,11 @@ mod stopping {
         for file in ["ablation.md", "ablation.tex"] {
             assert_eq!(read(shop, &format!("stopped/{file}")), read(shop, &format!("whole/{file}")));
         }
-        let [stopped, whole] = ["stopped", "whole"].map(|out| timeless(json(shop, &format!("{out}/ablation.json"))));
+        let [stopped, whole] =
+            ["stopped", "whole"].map(|out| timeless(json(shop, &format!("{out}/ablation.json"))));
         assert!(stopped == whole, "{stopped}\n{whole}");
-        let [stopped, whole] = ["stopped", "whole"].map(|out| csv_timeless(&read(shop, &format!("{out}/ablation.csv"))));
+        let [stopped, whole] =
+            ["stopped", "whole"].map(|out| csv_timeless(&read(shop, &format!("{out}/ablation.csv"))));
         assert_eq!(stopped, whole);
         let picture = |out: &str| fs::read(shop.path(out).join("runs/scene-v5-s0/prediction.png")).unwrap();
         assert!(picture("stopped") == picture("whole"));
@@ -244,7 +308,10 @@ mod stopping {
         let (status, _) = signalled(&shop, &command, &halfway(&shop), "-KILL");
         assert_eq!(status, None, "it was killed before its end");
         let so_far = read(&shop, "stopped/ablation.md");
-        assert!(so_far.contains("1 of 2 runs are done") && row(&so_far, "## Hard", &["V5"])[7] == "–", "{so_far}");
+        assert!(
+            so_far.contains("1 of 2 runs are done") && row(&so_far, "## Hard", &["V5"])[7] == "–",
+            "{so_far}"
+        );
         assert!(row(&so_far, "## Hard", &["V1"])[7].parse::<f64>().is_ok());
         resumed_equals_whole(&shop);
     }
@@ -263,7 +330,8 @@ mod stopping {
 #[test]
 fn side_by_side_the_tables_are_the_same() {
     let shop = Workshop::new();
-    let command = |out: &str, jobs: u32| format!("bench ablation scene --out {out} {STEPS} --jobs {jobs} --threads 2");
+    let command =
+        |out: &str, jobs: u32| format!("bench ablation scene --out {out} {STEPS} --jobs {jobs} --threads 2");
     shop.succeed(&command("alone", 1));
     shop.succeed(&command("together", 3));
     let scores = |out: &str| {

@@ -30,7 +30,8 @@ pub(crate) fn tables(results: &Results) -> Vec<Table> {
                 entries: scenes.chain(mean).collect(),
             }
         });
-        let rows = rows.filter(|row| row.kind != RowKind::Published || row.entries.iter().any(Option::is_some));
+        let rows =
+            rows.filter(|row| row.kind != RowKind::Published || row.entries.iter().any(Option::is_some));
         let mut table = Table {
             title: title(split).to_owned(),
             stubs: std::iter::once("Model").chain(FEATURES).map(str::to_owned).collect(),

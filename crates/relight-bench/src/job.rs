@@ -58,9 +58,7 @@ impl Settings {
         let minutes = self.budget.minutes.map(|minutes| format!("{minutes} minutes"));
         let budget = match (steps, minutes) {
             (Some(steps), Some(minutes)) => format!("{steps} or {minutes}, whichever came first"),
-            (one, other) => one
-                .or(other)
-                .unwrap_or_else(|| "until validation stopped improving".to_owned()),
+            (one, other) => one.or(other).unwrap_or_else(|| "until validation stopped improving".to_owned()),
         };
         let changed = match Recipe::preset(&self.preset) {
             Some(recipe) if recipe == self.recipe => "",
@@ -121,8 +119,10 @@ impl JobList {
         for scene in scenes {
             // What cannot be found fails as a job does, and stops no other.
             let path = scene.canonicalize().or_else(|_| std::path::absolute(scene));
-            let path = path.map_err(|e| BenchError::Jobs(format!("{}: {e}: name a scene", scene.display())))?;
-            let name = path.file_name().map_or_else(|| "scene".into(), |name| name.to_string_lossy().into_owned());
+            let path =
+                path.map_err(|e| BenchError::Jobs(format!("{}: {e}: name a scene", scene.display())))?;
+            let name =
+                path.file_name().map_or_else(|| "scene".into(), |name| name.to_string_lossy().into_owned());
             if let Some(other) = named.insert(name.clone(), path.clone()) {
                 return Err(BenchError::Jobs(if other == path {
                     format!("{}: is named twice", scene.display())
@@ -141,7 +141,9 @@ impl JobList {
                         seed,
                     };
                     if jobs.iter().any(|other| other.id == job.id) {
-                        return Err(BenchError::Jobs(format!("model {model} with seed {seed} is named twice")));
+                        return Err(BenchError::Jobs(format!(
+                            "model {model} with seed {seed} is named twice"
+                        )));
                     }
                     jobs.push(job);
                 }

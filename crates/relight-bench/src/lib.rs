@@ -31,5 +31,5 @@ pub use memory::{Need, available_memory};
 pub use record::{Made, Outcome, Record, Shown, SplitRecord};
 pub use report::{Kind, Report};
 pub use results::{Failure, Results, SceneFacts};
-pub use scoring::score;
+pub use scoring::{Scored, score};
 pub use side_by_side::{Ended, side_by_side};

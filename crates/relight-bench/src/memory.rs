@@ -2,7 +2,6 @@
 
 use std::fs;
 
-use relight_field::parameters::GridConfig;
 use relight_scene::{Scene, Splits};
 use relight_train::recipe::Recipe;
 
@@ -30,12 +29,9 @@ impl Need {
             let lens = &scene.cameras[scene.frames[frame].camera].intrinsics;
             3 * u64::from(lens.width) * u64::from(lens.height)
         };
-        let grid = recipe.grid.unwrap_or_else(GridConfig::default);
+        let grid = recipe.grid.unwrap_or_default();
         let entries = (grid.levels as u64 * grid.features as u64) << grid.log2_table;
-        Self {
-            pixels: splits.train.iter().map(pixels).sum(),
-            own: BASE + 4 * NUMBERS_AN_ENTRY * entries,
-        }
+        Self { pixels: splits.train.iter().map(pixels).sum(), own: BASE + 4 * NUMBERS_AN_ENTRY * entries }
     }
 
     /// How many of the jobs with the needs `all` fit into `available` bytes at once, whichever they are; at least one.

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::BenchError;
 use crate::job::Job;
+use crate::scoring::Scored;
 use crate::versioned;
 
 /// Format and version of `result.json`.
@@ -96,7 +97,8 @@ pub struct Shown {
 
 impl Record {
     /// A record of a job.
-    pub fn new(job: Job, config: RunConfig, made: Made, splits: Vec<SplitRecord>, shown: Option<Shown>) -> Self {
+    pub fn new(job: Job, config: RunConfig, made: Made, scored: Scored) -> Self {
+        let Scored { splits, shown } = scored;
         Self { format: FORMAT.to_owned(), job, config, made, splits, shown }
     }
 
@@ -135,6 +137,8 @@ impl Record {
     pub fn told(&self) -> String {
         let Made { version, commit, device, steps, .. } = &self.made;
         let (model, seed, preset) = (&self.job.model, self.job.seed, &self.config.preset);
-        format!("{model}, seed {seed}, preset {preset}, {steps} steps, {device}, relight {version} ({commit})")
+        format!(
+            "{model}, seed {seed}, preset {preset}, {steps} steps, {device}, relight {version} ({commit})"
+        )
     }
 }

@@ -120,12 +120,17 @@ fn notes(results: &Results) -> Vec<String> {
             let (common, all) = (results.common(split), results.scenes.len());
             (!common.is_empty() && common.len() < all).then(|| {
                 let title = ablation::title(split).to_lowercase();
-                format!("Mean on {title}: over {} of {all} scenes, those that every model was scored on.", common.len())
+                format!(
+                    "Mean on {title}: over {} of {all} scenes, those that every model was scored on.",
+                    common.len()
+                )
             })
         }));
     }
     notes.extend(skipped(results));
-    notes.extend(results.failures.iter().map(|f| format!("{} failed: {}.", f.job, f.reason.trim_end_matches('.'))));
+    notes.extend(
+        results.failures.iter().map(|f| format!("{} failed: {}.", f.job, f.reason.trim_end_matches('.'))),
+    );
     notes
 }
 

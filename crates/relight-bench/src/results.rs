@@ -26,11 +26,13 @@ pub struct SceneFacts {
 impl SceneFacts {
     /// Looks at a scene.
     pub fn of(scene: &Scene) -> Self {
-        let mut sizes = scene.cameras.iter().map(|camera| [camera.intrinsics.width, camera.intrinsics.height]);
+        let mut sizes =
+            scene.cameras.iter().map(|camera| [camera.intrinsics.width, camera.intrinsics.height]);
         let first = sizes.next();
         Self {
             size: first.filter(|first| sizes.all(|size| size == *first)),
-            official: scene.layout == Layout::Rene && [scene.cameras.len(), scene.lights.len()] == published::CAPTURED,
+            official: scene.layout == Layout::Rene
+                && [scene.cameras.len(), scene.lights.len()] == published::CAPTURED,
         }
     }
 }
@@ -175,7 +177,9 @@ impl Results {
     /// Scenes over which means are taken: those on which every model was scored.
     pub(crate) fn common(&self, split: Split) -> Vec<&str> {
         let is_common = |scene: &str| {
-            self.models.iter().all(|model| !self.by_seed(scene, &Method::Model(model.clone()), split).is_empty())
+            self.models
+                .iter()
+                .all(|model| !self.by_seed(scene, &Method::Model(model.clone()), split).is_empty())
         };
         self.scenes.iter().map(|(scene, _)| scene.as_str()).filter(|scene| is_common(scene)).collect()
     }

@@ -17,6 +17,14 @@ use crate::record::{Outcome, Shown, SplitRecord};
 /// The splits, in the order of the tables.
 pub(crate) const SPLITS: [Split; 3] = [Split::Val, Split::Easy, Split::Hard];
 
+/// What came of scoring.
+pub struct Scored {
+    /// Validation, easy and hard.
+    pub splits: Vec<SplitRecord>,
+    /// One image, to look at; `None` if no split could be scored.
+    pub shown: Option<Shown>,
+}
+
 /// The image to be shown.
 struct Chosen {
     split: Split,
@@ -40,7 +48,7 @@ pub fn score(
     engine: &dyn Engine,
     folder: &Path,
     seen: &mut dyn FnMut(usize, usize) -> ControlFlow<()>,
-) -> Result<Option<(Vec<SplitRecord>, Option<Shown>)>, BenchError> {
+) -> Result<Option<Scored>, BenchError> {
     let all: usize = SPLITS.iter().map(|&split| splits.get(split).len()).sum();
     let mut before = 0;
     let mut records = Vec::new();
@@ -69,14 +77,16 @@ pub fn score(
                     "{black} images are black: the official release withholds them, and its benchmark's server scores them"
                 ))
             }
-            Err(TrainError::Data(_)) if frames.is_empty() => Outcome::Skipped("the split holds no images".to_owned()),
+            Err(TrainError::Data(_)) if frames.is_empty() => {
+                Outcome::Skipped("the split holds no images".to_owned())
+            }
             Err(error) => return Err(error.into()),
         };
         before += frames.len();
         records.push(SplitRecord { split, outcome });
     }
     let shown = chosen.map(|chosen| show(scene, chosen, config, engine, folder)).transpose()?;
-    Ok(Some((records, shown)))
+    Ok(Some(Scored { splits: records, shown }))
 }
 
 fn scores_of(scene: &Scene, frame: usize, evaluation: &Evaluation) -> Scores {
@@ -119,6 +129,7 @@ fn visibility(scene: &Scene, frame: &Frame, engine: &dyn Engine) -> Result<Image
     let (camera, light) = (&scene.cameras[frame.camera], &scene.lights[frame.light]);
     let (settings, outputs) = (RenderSettings { samples: None }, Map::Visibility.outputs());
     let progress = &mut |_: usize, _: usize| ControlFlow::Continue(());
-    let picture = render(engine, &camera.intrinsics, &camera.pose, &light.pose, outputs, &settings, progress)?;
+    let picture =
+        render(engine, &camera.intrinsics, &camera.pose, &light.pose, outputs, &settings, progress)?;
     Ok(picture.image(Map::Visibility, None)?)
 }

@@ -39,11 +39,13 @@ pub fn side_by_side<T: Send>(
             if job >= jobs {
                 break;
             }
-            let result = match &pool {
-                Ok(pool) => catch_unwind(AssertUnwindSafe(|| pool.install(|| work(job))))
-                    .unwrap_or_else(|panic| Ended::Failed(format!("a fault of the program: {}", told(&*panic)))),
-                Err(error) => Ended::Failed(format!("no threads to work with: {error}")),
-            };
+            let result =
+                match &pool {
+                    Ok(pool) => catch_unwind(AssertUnwindSafe(|| pool.install(|| work(job)))).unwrap_or_else(
+                        |panic| Ended::Failed(format!("a fault of the program: {}", told(&*panic))),
+                    ),
+                    Err(error) => Ended::Failed(format!("no threads to work with: {error}")),
+                };
             let mut ended = ended.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
             (*ended)(job, result);
         }
@@ -69,7 +71,12 @@ mod tests {
     use super::*;
 
     /// How each job ended.
-    fn run(jobs: usize, together: usize, threads: usize, work: impl Fn(usize) -> Ended<usize> + Sync) -> BTreeMap<usize, String> {
+    fn run(
+        jobs: usize,
+        together: usize,
+        threads: usize,
+        work: impl Fn(usize) -> Ended<usize> + Sync,
+    ) -> BTreeMap<usize, String> {
         let mut results = BTreeMap::new();
         let cancel = AtomicBool::new(false);
         side_by_side(jobs, together, threads, &cancel, work, |job, ended| {

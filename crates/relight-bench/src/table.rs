@@ -81,32 +81,23 @@ impl Table {
     }
 }
 
+/// Marks the best of one block in one group.
 fn mark(block: &mut [Row], group: usize) {
-    let of_models = |row: &&mut Row| row.kind == RowKind::Model && row.entries[group].is_some();
-    if block.iter_mut().filter(of_models).count() < 2 {
+    let models = block.iter_mut().filter(|row| row.kind == RowKind::Model);
+    let mut entries: Vec<&mut Entry> =
+        models.filter_map(|row| row.entries.get_mut(group)?.as_mut()).collect();
+    if entries.len() < 2 {
         return;
     }
     for metric in 0..2 {
-        let number = |row: &Row| {
-            let entry = row.entries[group].as_ref()?;
-            (row.kind == RowKind::Model).then(|| if metric == 0 { entry.psnr.mean } else { entry.ssim.mean })
+        let printed = |entry: &Entry| {
+            let figure = [entry.psnr, entry.ssim][metric];
+            Figure { deviation: None, ..figure }.told(2 + metric)
         };
-        let Some(best) = block.iter().filter(|row| number(row).is_some()).max_by(|a, b| {
-            number(a).unwrap_or(f64::NAN).total_cmp(&number(b).unwrap_or(f64::NAN))
-        }) else {
-            continue;
-        };
-        let printed = |row: &Row| {
-            let entry = row.entries[group].as_ref()?;
-            let figure = if metric == 0 { entry.psnr } else { entry.ssim };
-            Some(Figure { deviation: None, ..figure }.told(2 + metric))
-        };
-        let best = printed(best);
-        for row in block.iter_mut().filter(|row| row.kind == RowKind::Model) {
-            let is_best = printed(row) == best;
-            if let Some(entry) = &mut row.entries[group] {
-                entry.best[metric] = is_best;
-            }
+        let mean = |entry: &Entry| [entry.psnr, entry.ssim][metric].mean;
+        let best = entries.iter().max_by(|a, b| mean(a).total_cmp(&mean(b))).map(|entry| printed(entry));
+        for entry in &mut entries {
+            entry.best[metric] = Some(printed(entry)) == best;
         }
     }
 }

@@ -27,7 +27,8 @@ pub(crate) fn read<T: DeserializeOwned>(
     let broken = |e: &dyn std::fmt::Display| BenchError::file(path, format!("{e}; {mend}"));
     let found: Version = serde_json::from_str(&text).map_err(|e| broken(&e))?;
     if found.format != format {
-        let problem = format!("format \"{}\" is unknown to this version, which reads \"{format}\"", found.format);
+        let problem =
+            format!("format \"{}\" is unknown to this version, which reads \"{format}\"", found.format);
         return Err(broken(&problem));
     }
     serde_json::from_str(&text).map(Some).map_err(|e| broken(&e))

@@ -19,13 +19,18 @@ const APART: f64 = 15.0;
 /// A drawing a scene on which several models were scored.
 pub fn write(results: &Results) -> String {
     let charts: Vec<String> = results.scenes.iter().filter_map(|(scene, _)| chart(results, scene)).collect();
-    if charts.is_empty() { String::new() } else { format!("<div class=\"charts\">{}</div>\n", charts.concat()) }
+    if charts.is_empty() {
+        String::new()
+    } else {
+        format!("<div class=\"charts\">{}</div>\n", charts.concat())
+    }
 }
 
 /// The PSNR of each model that has one, by its place, for each split.
 fn lines(results: &Results, scene: &str) -> Vec<(&'static str, Vec<(usize, f64)>)> {
     let of_split = SPLITS.map(|split| {
-        let psnr = |model: &String| Some(results.entry(scene, &Method::Model(model.clone()), split)?.psnr.mean);
+        let psnr =
+            |model: &String| Some(results.entry(scene, &Method::Model(model.clone()), split)?.psnr.mean);
         let points = results.models.iter().enumerate().filter_map(|(i, model)| Some((i, psnr(model)?)));
         (title(split), points.filter(|(_, psnr)| psnr.is_finite()).collect())
     });
@@ -39,9 +44,11 @@ fn chart(results: &Results, scene: &str) -> Option<String> {
     if lines.is_empty() {
         return None;
     }
-    let step = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0].into_iter().find(|step| (hi - lo) / step <= 5.0).unwrap_or(10.0);
+    let step =
+        [0.1, 0.2, 0.5, 1.0, 2.0, 5.0].into_iter().find(|step| (hi - lo) / step <= 5.0).unwrap_or(10.0);
     let (lo, hi) = ((lo / step - 0.2).floor() * step, (hi / step + 0.2).ceil() * step);
-    let x = |i: usize| LEFT + 16.0 + (RIGHT - LEFT - 32.0) * i as f64 / (results.models.len() - 1).max(1) as f64;
+    let x =
+        |i: usize| LEFT + 16.0 + (RIGHT - LEFT - 32.0) * i as f64 / (results.models.len() - 1).max(1) as f64;
     let y = |psnr: f64| BOTTOM - (BOTTOM - TOP) * (psnr - lo) / (hi - lo);
     let name = escape(scene);
     let [width, height] = SIZE;
@@ -72,10 +79,12 @@ fn chart(results: &Results, scene: &str) -> Option<String> {
     let mut names: Vec<(f64, &str)> = Vec::new();
     for (split, points) in &lines {
         let class = split.to_lowercase();
-        let path: Vec<String> = points.iter().map(|&(i, psnr)| format!("{:.1} {:.1}", x(i), y(psnr))).collect();
+        let path: Vec<String> =
+            points.iter().map(|&(i, psnr)| format!("{:.1} {:.1}", x(i), y(psnr))).collect();
         let _ = write!(svg, "<path class=\"{class}\" d=\"M{}\"/>", path.join(" L"));
         for &(i, psnr) in points {
-            let _ = write!(svg, "<circle class=\"{class}\" cx=\"{:.1}\" cy=\"{:.1}\" r=\"3.5\"/>", x(i), y(psnr));
+            let _ =
+                write!(svg, "<circle class=\"{class}\" cx=\"{:.1}\" cy=\"{:.1}\" r=\"3.5\"/>", x(i), y(psnr));
         }
         names.extend(points.last().map(|&(_, psnr)| (y(psnr), *split)));
     }

@@ -11,8 +11,23 @@ use crate::scoring::SPLITS;
 /// The columns. `method` is a model, `mean-image` or `nearest-light`; `source` tells a model trained here (`run`) from the
 /// paper's figures (`published`) and from what learns nothing (`baseline`).
 const COLUMNS: [&str; 17] = [
-    "scene", "method", "source", "split", "psnr", "ssim", "images", "seed", "preset", "budget_steps", "budget_minutes",
-    "steps", "seconds", "device", "version", "commit", "run",
+    "scene",
+    "method",
+    "source",
+    "split",
+    "psnr",
+    "ssim",
+    "images",
+    "seed",
+    "preset",
+    "budget_steps",
+    "budget_minutes",
+    "steps",
+    "seconds",
+    "device",
+    "version",
+    "commit",
+    "run",
 ];
 
 /// All scores, a line each, fields quoted as RFC 4180 has it.
@@ -24,7 +39,12 @@ pub fn write(report: &Report<'_>) -> String {
         for record in &records {
             for split in SPLITS {
                 if let Some(evaluation) = record.evaluation(split) {
-                    let of = Scored { scene, split, scores: evaluation.mean, images: Some(evaluation.images.len()) };
+                    let of = Scored {
+                        scene,
+                        split,
+                        scores: evaluation.mean,
+                        images: Some(evaluation.images.len()),
+                    };
                     text += &of.line(&record.job.model, "run", Some(record));
                 }
             }
@@ -40,8 +60,12 @@ pub fn write(report: &Report<'_>) -> String {
                     Method::Published(model) => {
                         Scored { scene, split, scores, images: None }.line(&model, "published", None)
                     }
-                    Method::MeanImage => Scored { scene, split, scores, images }.line("mean-image", "baseline", None),
-                    Method::NearestLight => Scored { scene, split, scores, images }.line("nearest-light", "baseline", None),
+                    Method::MeanImage => {
+                        Scored { scene, split, scores, images }.line("mean-image", "baseline", None)
+                    }
+                    Method::NearestLight => {
+                        Scored { scene, split, scores, images }.line("nearest-light", "baseline", None)
+                    }
                 };
             }
         }
@@ -87,7 +111,11 @@ fn line(fields: &[String; COLUMNS.len()]) -> String {
 }
 
 fn quoted(field: &str) -> String {
-    if field.contains([',', '"', '\n', '\r']) { format!("\"{}\"", field.replace('"', "\"\"")) } else { field.to_owned() }
+    if field.contains([',', '"', '\n', '\r']) {
+        format!("\"{}\"", field.replace('"', "\"\""))
+    } else {
+        field.to_owned()
+    }
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 use std::fs;
+use std::ops::Range;
 
 use relight_field::architecture::{Architecture, EmbeddingEntry, LightInput};
 
@@ -34,26 +35,42 @@ pub fn write(report: &Report<'_>) -> String {
     if report.kind == Kind::Ablation {
         page.html(&chart::write(results));
     }
-    for table in &report.tables {
+    page.html("<div class=\"sheets\">\n");
+    for (i, table) in report.tables.iter().enumerate() {
+        page.html("<section>\n");
         if report.tables.len() > 1 {
             page.heading(&table.title);
         }
-        page.html(&scores(table, report));
+        // What a model is need be said only once.
+        page.html(&scores(table, report, i == 0));
+        page.html("</section>\n");
     }
+    page.html("</div>\n");
     page.remarks(report.notes.get(1..).unwrap_or_default());
     pictures(&mut page, results);
     page.html(&runs(&results.records));
     page.finish()
 }
 
-/// A table of scores. Of two leading columns the first heads its block, so that the table stays narrow.
-fn scores(table: &Table, report: &Report<'_>) -> String {
+/// A table of scores. A benchmark's first column heads its blocks instead, so that the table stays narrow; an ablation's
+/// columns that say what a model is can be left out.
+fn scores(table: &Table, report: &Report<'_>, is_explained: bool) -> String {
     let headed = report.kind == Kind::Benchmark;
-    let names = if headed { &table.stubs[1..] } else { &table.stubs[..] };
+    let shown = if headed {
+        1..2
+    } else if is_explained {
+        0..table.stubs.len()
+    } else {
+        0..1
+    };
+    let names = table.stubs.get(shown.clone()).unwrap_or_default();
     let mut html = String::new();
     let label = escape(&format!("{}, {}", report.kind.title(), table.title.to_lowercase()));
     // Writing to a string cannot fail, here and below.
-    let _ = write!(html, "<div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"{label}\"><table class=\"scores\"><thead><tr>");
+    let _ = write!(
+        html,
+        "<div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"{label}\"><table class=\"scores\"><thead><tr>"
+    );
     for (i, _) in names.iter().enumerate() {
         html += if i == 0 { "<th class=\"name\"></th>" } else { "<th class=\"mark\"></th>" };
     }
@@ -65,7 +82,8 @@ fn scores(table: &Table, report: &Report<'_>) -> String {
         let class = if i == 0 { "name" } else { "mark" };
         let _ = write!(html, "<th class=\"{class}\" scope=\"col\">{}</th>", escape(name));
     }
-    html += &"<th class=\"psnr\" scope=\"col\">PSNR</th><th class=\"ssim\" scope=\"col\">SSIM</th>".repeat(table.groups.len());
+    html += &"<th class=\"psnr\" scope=\"col\">PSNR</th><th class=\"ssim\" scope=\"col\">SSIM</th>"
+        .repeat(table.groups.len());
     html += "</tr></thead>";
     for (i, row) in table.rows.iter().enumerate() {
         if row.begins {
@@ -79,23 +97,25 @@ fn scores(table: &Table, report: &Report<'_>) -> String {
                 );
             }
         }
-        html += &line(row, headed, &report.results.records);
+        html += &line(row, shown.clone(), &report.results.records);
     }
     html += "</tbody></table></div>\n";
     html
 }
 
-fn line(row: &Row, headed: bool, records: &[Record]) -> String {
+/// A row of which the leading columns `shown` are.
+fn line(row: &Row, shown: Range<usize>, records: &[Record]) -> String {
     let kind = match row.kind {
         RowKind::Model => "model",
         RowKind::Published => "published",
         RowKind::Baseline => "baseline",
     };
     let mut html = format!("<tr class=\"{kind}\">");
-    let names = if headed { row.stubs.get(1..).unwrap_or_default() } else { &row.stubs };
+    let is_model = shown.start == 0 && row.kind == RowKind::Model;
+    let names = row.stubs.get(shown).unwrap_or_default();
     for (i, name) in names.iter().enumerate() {
         let _ = if i == 0 {
-            let about = if headed || row.kind != RowKind::Model { "" } else { about(name) };
+            let about = if is_model { about(name) } else { "" };
             let about = if about.is_empty() { String::new() } else { format!("<small>{about}</small>") };
             write!(html, "<th class=\"name\" scope=\"row\">{}{about}</th>", escape(name))
         } else {
@@ -189,7 +209,7 @@ fn shots(record: &Record, image: &Shown, results: &Results) -> String {
                 source(&bytes)
             ),
             Some(Err(_)) => writeln!(html, "<div class=\"none\">the picture is missing</div>"),
-            None => writeln!(html, "<div class=\"none\">{model} has no visibility network</div>"),
+            None => writeln!(html, "<div class=\"none\">{model} has no visibility</div>"),
         };
     }
     html += "</div>\n";
@@ -205,8 +225,8 @@ fn scale() -> String {
         })
         .collect();
     format!(
-        "<p class=\"scale\">Error: mean difference of the channels, 0 <i style=\"background:linear-gradient(90deg,{})\"></i> \
-         {BRIGHTEST_ERROR} of 255 and more. Visibility: black where no light arrives.</p>\n",
+        "<p class=\"scale\"><span>Error, the mean over the channels:</span> <span>0 <i style=\"background:linear-gradient(90deg,{})\"></i> \
+         {BRIGHTEST_ERROR} of 255 and more</span> <span>Visibility: black where no light arrives</span></p>\n",
         stops.join(",")
     )
 }

@@ -28,11 +28,8 @@ pub fn write(report: &Report<'_>) -> String {
 fn whole(report: &Report<'_>, table: &Table) -> String {
     let (words, groups) = (table.stubs.len(), table.groups.len());
     let columns = format!("{}{}", "l".repeat(words), "rr".repeat(groups));
-    let caption = escape(&format!(
-        "{} ({}): PSNR in dB and SSIM.",
-        report.kind.title(),
-        table.title.to_lowercase()
-    ));
+    let caption =
+        escape(&format!("{} ({}): PSNR in dB and SSIM.", report.kind.title(), table.title.to_lowercase()));
     let label = format!("tab:{}-{}", report.kind.name(), table.title.to_lowercase());
     let notes: Vec<String> = report.unfinished().into_iter().chain(report.notes.iter().cloned()).collect();
     let notes = escape(&notes.join(" "));
@@ -133,7 +130,10 @@ mod tests {
 
     #[test]
     fn names_mean_themselves() {
-        assert_eq!(escape("50%_of {a}\\b^~"), "50\\%\\_of \\{a\\}\\textbackslash{}b\\textasciicircum{}\\textasciitilde{}");
+        assert_eq!(
+            escape("50%_of {a}\\b^~"),
+            "50\\%\\_of \\{a\\}\\textbackslash{}b\\textasciicircum{}\\textasciitilde{}"
+        );
         assert_eq!(escape("25.1 ± 0.2 – ∞"), "25.1 $\\pm$ 0.2 -- $\\infty$");
         assert_eq!(one_line("a\n\\end{x}"), "a \\end{x}");
     }

@@ -99,7 +99,10 @@ fn html_is_whole() {
                 inside.trim_start_matches('/').chars().take_while(|c| c.is_ascii_alphanumeric()).collect();
             if inside.starts_with('/') {
                 assert_eq!(open.pop().as_ref(), Some(&name), "<{inside}>");
-            } else if !inside.starts_with('!') && !inside.ends_with('/') && !["meta", "img", "br"].contains(&name.as_str()) {
+            } else if !inside.starts_with('!')
+                && !inside.ends_with('/')
+                && !["meta", "img", "br"].contains(&name.as_str())
+            {
                 open.push(name);
             }
         }

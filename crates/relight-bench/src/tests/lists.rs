@@ -18,7 +18,13 @@ fn ids_are_of_scene_model_and_seed_and_jobs_of_a_scene_stay_together() {
     assert_eq!(
         ids(&list),
         [
-            "cube-v1-s0", "cube-v5-s0", "cube-v1-s7", "cube-v5-s7", "lego-v1-s0", "lego-v5-s0", "lego-v1-s7",
+            "cube-v1-s0",
+            "cube-v5-s0",
+            "cube-v1-s7",
+            "cube-v5-s7",
+            "lego-v1-s0",
+            "lego-v5-s0",
+            "lego-v1-s7",
             "lego-v5-s7"
         ]
     );
@@ -32,7 +38,10 @@ fn lists_that_cannot_be_are_refused() {
         let paths: Vec<_> = scenes.iter().map(|s| Path::new(s).to_owned()).collect();
         JobList::new(settings(), &paths, &models, seeds).unwrap_err().to_string()
     };
-    assert!(refused(&["/a/cube", "/b/cube"], &["v5"], &[0]).contains("two scenes are called cube: /a/cube and /b/cube"));
+    assert!(
+        refused(&["/a/cube", "/b/cube"], &["v5"], &[0])
+            .contains("two scenes are called cube: /a/cube and /b/cube")
+    );
     assert!(refused(&["/a/cube", "/a/cube"], &["v5"], &[0]).contains("named twice"));
     assert!(refused(&["/a/cube"], &["v5", "v5"], &[0]).contains("model v5 with seed 0 is named twice"));
     assert!(refused(&[], &["v5"], &[0]).contains("no jobs"));
@@ -85,7 +94,9 @@ fn unknown_versions_and_damage_are_refused_by_name() {
     let text = fs::read_to_string(&path).unwrap();
     fs::write(&path, text.replace("result-1", "result-9")).unwrap();
     let error = Record::load(folder.path()).unwrap_err();
-    assert!(matches!(&error, BenchError::File { .. }) && error.to_string().contains("relight-bench-result-9"));
+    assert!(
+        matches!(&error, BenchError::File { .. }) && error.to_string().contains("relight-bench-result-9")
+    );
 }
 
 #[test]

@@ -3,8 +3,8 @@
 mod files;
 mod golden;
 mod lists;
-mod published_beside;
 mod means;
+mod published_beside;
 
 use std::path::Path;
 
@@ -15,7 +15,7 @@ use relight_train::run::{FORMAT, RunConfig};
 use relight_train::schedule::Budget;
 
 use crate::record::{Made, Outcome, Record, SplitRecord};
-use crate::{Failure, Job, JobList, Results, SceneFacts, Settings};
+use crate::{Failure, Job, JobList, Results, SceneFacts, Scored, Settings};
 
 fn settings() -> Settings {
     Settings {
@@ -83,7 +83,8 @@ fn record(job: &Job) -> Record {
         seconds: 61.5,
     };
     let scored = |split| SplitRecord { split, outcome: Outcome::Scored(evaluation(job, split)) };
-    Record::new(job.clone(), config, made, [Split::Val, Split::Easy, Split::Hard].map(scored).into(), None)
+    let splits = [Split::Val, Split::Easy, Split::Hard].map(scored).into();
+    Record::new(job.clone(), config, made, Scored { splits, shown: None })
 }
 
 /// Takes the easy and hard scores away, as black test images do.

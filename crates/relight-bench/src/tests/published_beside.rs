@@ -7,7 +7,8 @@ fn shows_published(scene: &str, facts: SceneFacts, kind: Kind) -> bool {
     let list = list(&[scene], &["v0", "v5"], &[0]);
     let results = complete(&list, facts);
     let report = Report::new(kind, &results);
-    let texts = [report.markdown(), crate::formats::latex::write(&report), crate::formats::html::write(&report)];
+    let texts =
+        [report.markdown(), crate::formats::latex::write(&report), crate::formats::html::write(&report)];
     let shown: Vec<bool> = texts.iter().map(|text| text.contains("V5, published")).collect();
     let in_csv = crate::formats::csv::write(&report).contains(",published,");
     assert!(shown.iter().all(|&shown| shown == in_csv), "{shown:?} {in_csv}");
@@ -33,7 +34,8 @@ fn they_are_the_papers_with_its_digits() {
     let results = complete(&list, FULL);
     let text = Report::new(Kind::Benchmark, &results).markdown();
     let row = |scene: &str, method: &str| -> Vec<String> {
-        let is_it = |line: &&str| line.starts_with(&format!("| {scene} ")) && line.contains(&format!("| {method} "));
+        let is_it =
+            |line: &&str| line.starts_with(&format!("| {scene} ")) && line.contains(&format!("| {method} "));
         let line = text.lines().find(is_it).unwrap_or_else(|| panic!("no {scene} {method} in\n{text}"));
         line.split('|').skip(3).map(|cell| cell.trim().to_owned()).filter(|cell| !cell.is_empty()).collect()
     };

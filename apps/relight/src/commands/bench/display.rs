@@ -122,7 +122,8 @@ impl Display {
         let all = state.all.max(1) as f64;
         let share = ((state.done as f64 + shares) / all).min(1.0);
         let worked = state.worked + state.running.values().map(|r| r.share - r.first).sum::<f64>();
-        let message = format!("{} of {} done{}", state.done, state.all, self.left(worked, all * (1.0 - share)));
+        let message =
+            format!("{} of {} done{}", state.done, state.all, self.left(worked, all * (1.0 - share)));
         if let Some((_, total)) = &self.bars {
             total.set_position((share * 1000.0) as u64);
             total.set_message(message);

@@ -6,7 +6,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, bail, ensure};
 use relight_bench::{
-    Ended, Failure, JobList, Kind, Need, Record, Report, Results, SceneFacts, Settings, available_memory, side_by_side,
+    Ended, Failure, JobList, Kind, Need, Record, Report, Results, SceneFacts, Settings, available_memory,
+    side_by_side,
 };
 use relight_train::schedule::Budget;
 
@@ -59,7 +60,8 @@ pub fn make(kind: Kind, args: &Shared, models: &[String], quiet: bool) -> anyhow
         cancel,
         |n| {
             let name = &list.jobs[missing[n]].id;
-            let tell = |share: f64, message: &dyn Fn() -> String| display.tell(missing[n], name, share, message);
+            let tell =
+                |share: f64, message: &dyn Fn() -> String| display.tell(missing[n], name, share, message);
             match run_job(&list, missing[n], out, &scenes, args.device, cancel, &tell) {
                 Ok(Some(record)) => Ended::Done(record),
                 Ok(None) => Ended::Stopped,

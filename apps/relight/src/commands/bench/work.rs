@@ -45,7 +45,13 @@ impl Scenes {
     }
 
     /// The scene of a job, loaded unless another job holds it.
-    fn get(&self, list: &JobList, job: &Job, cancel: &AtomicBool, tell: Tell<'_>) -> anyhow::Result<Arc<Ready>> {
+    fn get(
+        &self,
+        list: &JobList,
+        job: &Job,
+        cancel: &AtomicBool,
+        tell: Tell<'_>,
+    ) -> anyhow::Result<Arc<Ready>> {
         let slot = self.slots.iter().find(|(path, _)| *path == job.scene);
         let (_, slot) = slot.ok_or_else(|| anyhow!("{}: no scene of this list", job.scene.display()))?;
         // Others of the scene wait here until it is there.
@@ -80,7 +86,9 @@ pub fn finished(list: &JobList, job: &Job, out: &Path) -> anyhow::Result<Option<
     let folder = job.folder(out);
     let Some(record) = Record::load(&folder)? else { return Ok(None) };
     let mend = format!("remove {} to train it anew, or choose another folder with --out", folder.display());
-    list.settings.check(job, &record.config).map_err(|problem| anyhow!("{}: {problem}; {mend}", folder.display()))?;
+    list.settings
+        .check(job, &record.config)
+        .map_err(|problem| anyhow!("{}: {problem}; {mend}", folder.display()))?;
     if let Ok((scene, splits)) = open(&job.scene) {
         ensure!(
             splits_fingerprint(&scene, &splits) == record.config.splits,
@@ -102,7 +110,10 @@ pub fn run_job(
     cancel: &AtomicBool,
     tell: Tell<'_>,
 ) -> anyhow::Result<Option<Record>> {
-    let job = list.jobs.get(index).ok_or_else(|| anyhow!("there is no job {index}: the list has {}", list.jobs.len()))?;
+    let job = list
+        .jobs
+        .get(index)
+        .ok_or_else(|| anyhow!("there is no job {index}: the list has {}", list.jobs.len()))?;
     if let Some(record) = finished(list, job, out)? {
         return Ok(Some(record));
     }
@@ -142,12 +153,20 @@ fn attempt(
 
     let engine = engines::of_run(&run, &config)?;
     let folder = run.root();
-    let scored = score(&data.scene, &data.splits, &data.pixels, &config, engine.as_ref(), folder, &mut |done, all| {
-        let share = done as f64 / all.max(1) as f64;
-        tell(TRAINING + (1.0 - TRAINING) * share, &|| format!("scored {done} of {all} images"));
-        unless(cancel)
-    })?;
-    let Some((splits, shown)) = scored else { return Ok(None) };
+    let scored = score(
+        &data.scene,
+        &data.splits,
+        &data.pixels,
+        &config,
+        engine.as_ref(),
+        folder,
+        &mut |done, all| {
+            let share = done as f64 / all.max(1) as f64;
+            tell(TRAINING + (1.0 - TRAINING) * share, &|| format!("scored {done} of {all} images"));
+            unless(cancel)
+        },
+    )?;
+    let Some(scored) = scored else { return Ok(None) };
     let made = Made {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         commit: env!("RELIGHT_COMMIT").to_owned(),
@@ -155,7 +174,7 @@ fn attempt(
         steps: outcome.standing.step,
         seconds: outcome.standing.seconds,
     };
-    let record = Record::new(job.clone(), config, made, splits, shown);
+    let record = Record::new(job.clone(), config, made, scored);
     record.save(folder)?;
     Ok(Some(record))
 }
@@ -169,7 +188,9 @@ fn begin(list: &JobList, job: &Job, out: &Path, ready: &Ready) -> anyhow::Result
     }
     let (run, config) = RunFolder::resume(&folder)?;
     let mend = "remove the folder to train it anew, or choose another with --out";
-    list.settings.check(job, &config).map_err(|problem| anyhow!("{}: {problem}; {mend}", folder.display()))?;
+    list.settings
+        .check(job, &config)
+        .map_err(|problem| anyhow!("{}: {problem}; {mend}", folder.display()))?;
     check_splits(&ready.data.scene, &ready.data.splits, &config)?;
     Ok((run, config))
 }
