@@ -22,7 +22,7 @@ pub fn write(results: &Results) -> String {
     if charts.is_empty() {
         String::new()
     } else {
-        format!("<div class=\"charts\">{}</div>\n", charts.concat())
+        format!("<section class=\"charts\">{}</section>\n", charts.concat())
     }
 }
 

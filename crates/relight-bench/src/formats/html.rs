@@ -32,9 +32,6 @@ pub fn write(report: &Report<'_>) -> String {
     if let Some(unfinished) = report.unfinished() {
         page.warning(&unfinished);
     }
-    if report.kind == Kind::Ablation {
-        page.html(&chart::write(results));
-    }
     page.html("<div class=\"sheets\">\n");
     for (i, table) in report.tables.iter().enumerate() {
         page.html("<section>\n");
@@ -44,6 +41,9 @@ pub fn write(report: &Report<'_>) -> String {
         // What a model is need be said only once.
         page.html(&scores(table, report, i == 0));
         page.html("</section>\n");
+    }
+    if report.kind == Kind::Ablation {
+        page.html(&chart::write(results));
     }
     page.html("</div>\n");
     page.remarks(report.notes.get(1..).unwrap_or_default());

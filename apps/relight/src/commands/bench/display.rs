@@ -3,14 +3,11 @@
 use std::collections::BTreeMap;
 use std::io::IsTerminal;
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 
 use crate::console::LINE_EVERY;
-
-/// Time between changes of a bar.
-const CHANGE_EVERY: Duration = Duration::from_millis(100);
 
 /// Progress of all jobs.
 pub struct Display {
@@ -37,7 +34,6 @@ struct Running {
     first: f64,
     share: f64,
     message: String,
-    changed: Instant,
 }
 
 impl Display {
@@ -54,7 +50,7 @@ impl Display {
 
     /// A job is so far.
     pub fn tell(&self, job: usize, name: &str, share: f64, message: &dyn Fn() -> String) {
-        let now = Instant::now();
+        let message = message();
         let mut state = self.state();
         let running = state.running.entry(job).or_insert_with(|| Running {
             bar: self.bars.as_ref().map(|(bars, total)| {
@@ -64,23 +60,18 @@ impl Display {
             name: name.to_owned(),
             first: share,
             share,
-            message: message(),
-            changed: now - CHANGE_EVERY,
+            message: String::new(),
         });
         // What is at nothing yet is loading; the first share of a resumed training is not this start's work.
         if running.share == 0.0 && running.first == 0.0 && share > 0.0 {
             running.first = share;
         }
         running.share = share;
-        if now - running.changed < CHANGE_EVERY {
-            return;
-        }
-        running.changed = now;
-        running.message = message();
         if let Some(bar) = &running.bar {
             bar.set_position((share * 1000.0) as u64);
-            bar.set_message(running.message.clone());
+            bar.set_message(message.clone());
         }
+        running.message = message;
         self.total(&mut state);
     }
 
