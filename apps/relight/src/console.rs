@@ -17,7 +17,7 @@ use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 
 /// Time between plain lines of progress.
-const LINE_EVERY: Duration = Duration::from_secs(10);
+pub const LINE_EVERY: Duration = Duration::from_secs(10);
 
 /// Sends logs to standard error: warnings, or more with `verbose`, or errors only.
 pub fn start_logging(verbose: u8, quiet: bool) {

@@ -27,6 +27,18 @@ pub fn check(device: Device) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// What a device is, on this machine: the processor's name, as far as the system tells it, and the threads at work.
+pub fn told(_: Device) -> String {
+    // The only one that there is.
+    let name = std::fs::read_to_string("/proc/cpuinfo").ok().and_then(|text| {
+        let line = text.lines().find_map(|line| line.strip_prefix("model name"))?;
+        Some(line.split_once(':')?.1.trim().to_owned())
+    });
+    let threads = rayon::current_num_threads();
+    let threads = if threads == 1 { "1 thread".to_owned() } else { format!("{threads} threads") };
+    format!("cpu ({}{threads})", name.map_or(String::new(), |name| format!("{name}, ")))
+}
+
 /// An engine that holds `parameters`.
 pub fn create(
     device: Device,

@@ -5,14 +5,13 @@ mod console;
 mod engines;
 mod places;
 mod preparation;
-mod report_page;
 
 use std::process::ExitCode;
 
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand};
 
-use commands::{capture, compare, demo, eval, export, profile, query, render, scene, train};
+use commands::{bench, capture, compare, demo, eval, export, profile, query, render, scene, train};
 
 /// Turns one-light-at-a-time photographs into a scene that can be seen and lit from anywhere.
 ///
@@ -56,6 +55,7 @@ enum Command {
     Export(export::Args),
     Compare(compare::Args),
     Profile(profile::Args),
+    Bench(bench::Args),
 }
 
 fn main() -> ExitCode {
@@ -91,5 +91,6 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Export(args) => export::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Profile(args) => profile::run(&args, quiet),
+        Command::Bench(args) => bench::run(&args, quiet),
     }
 }

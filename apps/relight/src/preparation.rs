@@ -1,4 +1,4 @@
-//! From the folder of a scene to a trained run: what `train` and `demo` share.
+//! From the folder of a scene to a trained run: what `train`, `demo` and `bench` share.
 
 use std::path::Path;
 use std::sync::atomic::Ordering;
@@ -45,7 +45,23 @@ impl Prepared {
     /// Loads the training images of a scene.
     pub fn load(scene: Scene, splits: Splits, quiet: bool) -> anyhow::Result<Self> {
         let pixels = load_pixels(&scene, &splits, quiet)?;
-        Ok(Self { scene, splits, pixels, depths: None, seconds: 0.0 })
+        Ok(Self::with(scene, splits, pixels))
+    }
+
+    /// With training images that are loaded already.
+    pub fn with(scene: Scene, splits: Splits, pixels: PixelStore) -> Self {
+        Self { scene, splits, pixels, depths: None, seconds: 0.0 }
+    }
+
+    /// What a trainer takes of it.
+    pub fn training(&self) -> TrainingData<'_> {
+        TrainingData {
+            scene: &self.scene,
+            splits: &self.splits,
+            pixels: &self.pixels,
+            depths: self.depths.as_ref(),
+            seconds: self.seconds,
+        }
     }
 
     /// All settings of a new run: finds the surfaces, the box, and the grid that fits it, where they are not given.
@@ -147,14 +163,7 @@ pub fn train(
 ) -> anyhow::Result<Outcome> {
     let first = Parameters::init(config.field()?, u64::from(config.seed))?;
     let engine = engines::create(device, &first, config.engine())?;
-    let training = TrainingData {
-        scene: &data.scene,
-        splits: &data.splits,
-        pixels: &data.pixels,
-        depths: data.depths.as_ref(),
-        seconds: data.seconds,
-    };
-    let mut trainer = Trainer::new(run, config, training, engine)?;
+    let mut trainer = Trainer::new(run, config, data.training(), engine)?;
     let cancel = cancel_flag()?;
     let bar = Progress::new("training", 1000, quiet);
     if trainer.standing().step > 0 {

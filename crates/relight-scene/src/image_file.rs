@@ -55,11 +55,7 @@ impl Image {
     /// # Errors
     /// If the data are not of the stated size.
     pub fn png(&self) -> std::io::Result<Vec<u8>> {
-        let (stated, held) = (3 * u64::from(self.width) * u64::from(self.height), self.data.len());
-        if stated != held as u64 {
-            let problem = format!("{held} bytes are not an image of {}x{}", self.width, self.height);
-            return Err(std::io::Error::new(std::io::ErrorKind::InvalidInput, problem));
-        }
+        self.check_length()?;
         let mut bytes = Cursor::new(Vec::new());
         image::ImageEncoder::write_image(
             image::codecs::png::PngEncoder::new(&mut bytes),
@@ -70,6 +66,51 @@ impl Image {
         )
         .map_err(std::io::Error::other)?;
         Ok(bytes.into_inner())
+    }
+
+    /// The bytes of the image as a JPEG file of a quality from 1 to 100: small, for people to look at.
+    ///
+    /// # Errors
+    /// As [`png`](Self::png); also if a side is longer than such a file can say.
+    pub fn jpeg(&self, quality: u8) -> std::io::Result<Vec<u8>> {
+        self.check_length()?;
+        let mut bytes = Vec::new();
+        image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, quality.clamp(1, 100))
+            .encode(&self.data, self.width, self.height, image::ExtendedColorType::Rgb8)
+            .map_err(std::io::Error::other)?;
+        Ok(bytes)
+    }
+
+    fn check_length(&self) -> std::io::Result<()> {
+        let (stated, held) = (3 * u64::from(self.width) * u64::from(self.height), self.data.len());
+        if stated == held as u64 {
+            return Ok(());
+        }
+        let problem = format!("{held} bytes are not an image of {}x{}", self.width, self.height);
+        Err(std::io::Error::new(std::io::ErrorKind::InvalidInput, problem))
+    }
+
+    /// The image made smaller by a whole factor of both sides: each pixel the mean of those that it stands for, in sRGB.
+    /// Rows and columns that fill no whole pixel are cut off, but never the last.
+    pub fn reduced(&self, factor: u32) -> Image {
+        let factor = factor.clamp(1, self.width.min(self.height).max(1));
+        let (width, height) = (self.width / factor, self.height / factor);
+        let (k, row) = (factor as usize, 3 * self.width as usize);
+        let mut data = Vec::with_capacity(3 * width as usize * height as usize);
+        for v in 0..height as usize {
+            for u in 0..width as usize {
+                for channel in 0..3 {
+                    let lines = self.data.chunks(row).skip(v * k).take(k);
+                    let sum: u32 = lines
+                        .flat_map(|line| line.iter().skip(3 * u * k + channel).step_by(3).take(k))
+                        .map(|&byte| u32::from(byte))
+                        .sum();
+                    let pixels = factor * factor;
+                    data.push(((sum + pixels / 2) / pixels) as u8);
+                }
+            }
+        }
+        Image { width, height, data }
     }
 }
 

@@ -6,23 +6,28 @@ use rayon::prelude::*;
 use relight_field::engine::Engine;
 use relight_metrics::{MetricError, psnr, ssim};
 use relight_scene::{Image, PixelStore, Scene, Split, Splits};
-use serde::Serialize;
+use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::TrainError;
 use crate::baselines::{NearestLight, mean_image};
 use crate::picture::draw;
 
 /// PSNR and SSIM, of an image or as mean over images.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Scores {
-    /// Peak signal-to-noise ratio, dB.
+    /// Peak signal-to-noise ratio, dB; infinite for equal pictures, which JSON holds as null.
+    #[serde(deserialize_with = "infinite_if_null")]
     pub psnr: f64,
     /// Structural similarity.
     pub ssim: f64,
 }
 
+fn infinite_if_null<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(from)?.unwrap_or(f64::INFINITY))
+}
+
 /// Scores of one image.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ImageScores {
     /// Label of the camera: its number in the folder.
     pub camera: usize,
@@ -34,7 +39,7 @@ pub struct ImageScores {
 }
 
 /// Mean scores of the trivial baselines; `None` where the scene does not allow one.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub struct Baselines {
     /// The mean of all training images.
@@ -44,7 +49,7 @@ pub struct Baselines {
 }
 
 /// Scores on a split.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
     /// Name of the scene.
     pub scene: String,
@@ -159,5 +164,25 @@ fn mean(scores: &[Scores]) -> Scores {
     Scores {
         psnr: scores.iter().map(|s| s.psnr).sum::<f64>() / n,
         ssim: scores.iter().map(|s| s.ssim).sum::<f64>() / n,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn evaluations_come_back_from_json_perfect_ones_too() {
+        let scores = Scores { psnr: f64::INFINITY, ssim: 1.0 };
+        let evaluation = Evaluation {
+            scene: "cube".into(),
+            model: "v5".into(),
+            split: "easy".into(),
+            mean: Scores { psnr: 25.123456789012345, ssim: 0.5 },
+            images: vec![ImageScores { camera: 4, light: 0, scores }],
+            baselines: Baselines { mean_image: Some(scores), nearest_light: None },
+        };
+        let json = serde_json::to_string(&evaluation).unwrap();
+        assert_eq!(serde_json::from_str::<Evaluation>(&json).unwrap(), evaluation, "{json}");
     }
 }

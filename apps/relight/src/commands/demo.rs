@@ -7,6 +7,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use anyhow::{bail, ensure};
+use relight_bench::report_page::ReportPage;
 use relight_capture::session::{self, Ending as Shot};
 use relight_capture::virtual_rig::VirtualCapture;
 use relight_field::engine::{Engine, Outputs, RenderSettings};
@@ -23,7 +24,6 @@ use relight_train::trainer::Ending;
 use crate::console::{Progress, cancel_flag, print_line, unless};
 use crate::engines::{self, Device};
 use crate::preparation::{Prepared, Wish, open, train};
-use crate::report_page::ReportPage;
 
 /// The object, and how it is captured: small enough to shoot and train in two minutes, large enough to see.
 const OBJECT: &str = "fruit";

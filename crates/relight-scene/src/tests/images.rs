@@ -139,3 +139,26 @@ proptest! {
         let _ = decode(&bytes);
     }
 }
+
+#[test]
+fn reduced_pictures_hold_the_means_of_their_blocks() {
+    let image = Image { width: 5, height: 3, data: (0..45).collect() };
+    let small = image.reduced(2);
+    assert_eq!((small.width, small.height), (2, 1), "rows and columns that fill no block are cut off");
+    // The means of 0, 3, 15 and 18, and so on.
+    assert_eq!(small.data, [9, 10, 11, 15, 16, 17]);
+    assert_eq!(image.reduced(1), image);
+    let least = image.reduced(9);
+    assert_eq!((least.width, least.height, least.data.len()), (1, 1, 3));
+}
+
+#[test]
+fn jpegs_show_what_is_in_the_image() {
+    let data = picture(64, 48).into_rgb8().into_raw();
+    let image = Image { width: 64, height: 48, data };
+    let read = decode(&image.jpeg(95).unwrap()).unwrap();
+    assert_eq!((read.width, read.height), (64, 48));
+    let off = image.data.iter().zip(&read.data).map(|(&a, &b)| u64::from(a.abs_diff(b))).sum::<u64>();
+    assert!(off < 8 * image.data.len() as u64, "{off}");
+    assert!(Image { width: 65, ..image }.jpeg(95).is_err());
+}

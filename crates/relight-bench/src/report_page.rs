@@ -1,4 +1,4 @@
-//! The report that the demo leaves: one HTML file that holds its pictures and its video.
+//! Reports as one HTML file that holds its pictures and its video: nothing is fetched from elsewhere.
 
 use std::fmt::Write as _;
 
@@ -10,23 +10,21 @@ pub struct ReportPage {
     html: String,
 }
 
-/// What the page looks like.
-const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#222;\
-background:#fff}h1,h2{line-height:1.2}h2{margin-top:2.5rem}table{border-collapse:collapse}th,td{padding:.3rem .9rem;\
-text-align:right;border-bottom:1px solid #ddd}th:first-child,td:first-child{text-align:left}\
-.row{display:flex;flex-wrap:wrap;gap:.7rem}figure{margin:0 0 .7rem;width:13.5rem}\
-figure img{width:100%;image-rendering:pixelated;border-radius:3px}figcaption{font-size:.85rem;color:#555}\
-video{width:100%;max-width:40rem}pre{background:#f4f4f4;padding:.7rem;overflow-x:auto}svg{max-width:40rem;width:100%}\
-@media(prefers-color-scheme:dark){body{background:#161616;color:#ddd}th,td{border-color:#444}figcaption{color:#aaa}\
-pre{background:#222}}";
+/// What every page looks like: light or dark as the reader's system is, and readable on a phone.
+const STYLE: &str = include_str!("report_page.css");
 
 impl ReportPage {
     /// A page with a title.
     pub fn new(title: &str) -> Self {
+        Self::styled(title, "")
+    }
+
+    /// A page with a title, and with a style sheet beside the usual one.
+    pub(crate) fn styled(title: &str, style: &str) -> Self {
         let title = escape(title);
         let html = format!(
             "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{title}</title>\n\
-             <meta name=\"viewport\" content=\"width=device-width\"><style>{STYLE}</style></head><body>\n<h1>{title}</h1>\n"
+             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"><style>\n{STYLE}{style}</style></head><body>\n<h1>{title}</h1>\n"
         );
         Self { html }
     }
@@ -41,6 +39,30 @@ impl ReportPage {
         self.add(format_args!("<p>{}</p>\n", escape(text)));
     }
 
+    /// Adds a paragraph that introduces the page.
+    pub fn lead(&mut self, text: &str) {
+        self.add(format_args!("<p class=\"lead\">{}</p>\n", escape(text)));
+    }
+
+    /// Adds a paragraph that must not be missed.
+    pub fn warning(&mut self, text: &str) {
+        self.add(format_args!("<p class=\"warning\" role=\"status\">{}</p>\n", escape(text)));
+    }
+
+    /// Adds remarks.
+    pub fn remarks(&mut self, remarks: &[String]) {
+        self.html.push_str("<ul class=\"remarks\">\n");
+        for remark in remarks {
+            self.add(format_args!("<li>{}</li>\n", escape(remark)));
+        }
+        self.html.push_str("</ul>\n");
+    }
+
+    /// Adds HTML that is known to be well-formed.
+    pub(crate) fn html(&mut self, html: &str) {
+        self.html.push_str(html);
+    }
+
     /// Adds lines to be typed.
     pub fn code(&mut self, text: &str) {
         self.add(format_args!("<pre>{}</pre>\n", escape(text)));
@@ -48,7 +70,7 @@ impl ReportPage {
 
     /// Adds a table; the first row is its head.
     pub fn table(&mut self, rows: &[Vec<String>]) {
-        self.html.push_str("<table>");
+        self.html.push_str("<div class=\"scroll\"><table>");
         for (i, row) in rows.iter().enumerate() {
             let cell = if i == 0 { "th" } else { "td" };
             self.html.push_str("<tr>");
@@ -57,17 +79,16 @@ impl ReportPage {
             }
             self.html.push_str("</tr>\n");
         }
-        self.html.push_str("</table>\n");
+        self.html.push_str("</table></div>\n");
     }
 
     /// Adds pictures side by side: PNG files in memory, each with a caption.
     pub fn pictures(&mut self, pictures: &[(Vec<u8>, String)]) {
         self.html.push_str("<div class=\"row\">\n");
         for (png, caption) in pictures {
-            let (caption, data) = (escape(caption), STANDARD.encode(png));
+            let (caption, source) = (escape(caption), source(png));
             self.add(format_args!(
-                "<figure><img alt=\"{caption}\" src=\"data:image/png;base64,{data}\"><figcaption>{caption}</figcaption>\
-                 </figure>\n"
+                "<figure><img alt=\"{caption}\" src=\"{source}\"><figcaption>{caption}</figcaption></figure>\n"
             ));
         }
         self.html.push_str("</div>\n");
@@ -121,7 +142,14 @@ impl ReportPage {
     }
 }
 
-fn escape(text: &str) -> String {
+/// The bytes of a PNG or JPEG file, as the source of a picture.
+pub(crate) fn source(bytes: &[u8]) -> String {
+    let kind = if bytes.starts_with(&[0xff, 0xd8]) { "jpeg" } else { "png" };
+    format!("data:image/{kind};base64,{}", STANDARD.encode(bytes))
+}
+
+/// A text that means itself, between tags and in quotes.
+pub(crate) fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
