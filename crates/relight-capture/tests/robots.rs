@@ -17,6 +17,7 @@ const LIMITS: TimeLimits = TimeLimits {
     connect: Duration::from_secs(2),
     reply: Duration::from_millis(700),
     silence: Duration::from_millis(1500),
+    rest: Duration::from_millis(100),
 };
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,7 +38,7 @@ impl Make {
 
     fn simulate(self, faults: &[&str], time_scale: f64) -> SimulatedController {
         let faults = faults.iter().map(|fault| fault.parse().unwrap()).collect();
-        let settings = SimulationSettings { seed: 3, faults, time_scale, joints: None };
+        let settings = SimulationSettings { seed: 3, faults, time_scale, ..SimulationSettings::default() };
         match self {
             Make::Ur => SimulatedController::ur5e(&UrAddresses::parse("127.0.0.1:0").unwrap(), settings),
             Make::Elite => {

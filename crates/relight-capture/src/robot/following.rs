@@ -12,10 +12,6 @@ use super::planned_motion::PlannedMotion;
 const ARRIVED: f64 = 1e-3;
 /// An arm that moves less than this is still, radians.
 const STILL: f64 = 2e-4;
-/// It must be still for so long to be at rest.
-const REST: Duration = Duration::from_millis(100);
-/// It must be still for so long when it was never seen to move: the order may be on its way.
-const REST_UNSEEN: Duration = Duration::from_millis(300);
 /// A motion must begin within this.
 const BEGIN: Duration = Duration::from_secs(3);
 /// A stop must be over within this.
@@ -45,7 +41,7 @@ pub(super) fn follow(arm: &mut impl Controller, motion: &PlannedMotion) -> Resul
         return Err(stopped(arm, state.status));
     }
     motion.check_start(arm.address(), &state.joints)?;
-    let arrived = arm.begin(motion).and_then(|()| arrive(arm, motion));
+    let arrived = arm.begin(motion).and_then(|()| arrive(arm, motion, &state.joints));
     arrived.map_err(|cause| match stop(arm) {
         Ok(()) => cause,
         Err(stop) => ArmError::NotStopped { cause: Box::new(cause), stop: Box::new(stop) },
@@ -86,10 +82,12 @@ impl Stillness {
     }
 }
 
-fn arrive(arm: &mut impl Controller, motion: &PlannedMotion) -> Result<ArmState, ArmError> {
+/// `start` is where the arm stood before the order.
+fn arrive(arm: &mut impl Controller, motion: &PlannedMotion, start: &Joints) -> Result<ArmState, ArmError> {
     let begun = Instant::now();
     // The controller may choose to be slower than asked, not much.
     let limit = motion.duration().saturating_mul(2).saturating_add(Duration::from_secs(5));
+    let (rest, rest_unseen) = (arm.limits().rest, arm.limits().rest.saturating_mul(3));
     let (mut count, state) = arm.feed().newest(arm.address(), arm.limits().silence)?;
     let mut stillness = Stillness::new(state.joints);
     let mut has_moved = false;
@@ -99,15 +97,17 @@ fn arrive(arm: &mut impl Controller, motion: &PlannedMotion) -> Result<ArmState,
         count = newer;
         let still = stillness.update(&state.joints);
         let (joint, difference) = largest_difference(&state.joints, motion.to());
+        // A short motion may be over before it is seen.
+        has_moved |= largest_difference(&state.joints, start).1 > ARRIVED;
         match state.status {
             ArmStatus::Running => has_moved = true,
             ArmStatus::Idle if difference <= ARRIVED => {
-                if still >= if has_moved { REST } else { REST_UNSEEN } {
+                if still >= if has_moved { rest } else { rest_unseen } {
                     return Ok(state);
                 }
             }
             ArmStatus::Idle if has_moved => {
-                if still >= REST_UNSEEN {
+                if still >= rest_unseen {
                     return Err(ArmError::NotAtEnd { address: arm.address().to_owned(), joint, difference });
                 }
             }
@@ -133,7 +133,7 @@ fn rest(arm: &impl Controller) -> Result<(), ArmError> {
         let (newer, state) = arm.feed().after(count, arm.address(), arm.limits().silence)?;
         count = newer;
         let still = stillness.update(&state.joints);
-        if still >= REST && !matches!(state.status, ArmStatus::Running | ArmStatus::Paused) {
+        if still >= arm.limits().rest && !matches!(state.status, ArmStatus::Running | ArmStatus::Paused) {
             return Ok(());
         }
         if ordered.elapsed() > STOP {

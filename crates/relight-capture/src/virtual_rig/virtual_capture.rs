@@ -7,8 +7,9 @@ use std::path::Path;
 use relight_scene::{Camera, Intrinsics, Light, Pose};
 
 use super::objects::named;
-use super::{CaptureRig, Lamp, Model, RigError, Sensor, Settings, Stage, VirtualRig, read_model};
+use super::{CaptureRig, Lamp, Model, RigError, Sensor, Settings, Stage, VirtualEye, VirtualRig, read_model};
 use crate::camera::Development;
+use crate::kinematics::{Arm, Joints};
 use crate::session::{self, Ending, Progress, SessionError, Shots, Subject};
 use crate::trajectory::{Plan, PlanError, PlanSettings, Waypoint};
 
@@ -69,12 +70,29 @@ impl VirtualCapture {
     }
 
     /// Where cameras and lights stand: on the domes of the paper's rig.
-    fn plan(&self) -> Result<Plan, PlanError> {
+    pub fn plan_settings(&self) -> PlanSettings {
         let mut settings = PlanSettings::default();
         settings.camera.waypoints = self.views;
         settings.camera.azimuth_degrees = AZIMUTH_DEGREES;
         settings.light.waypoints = self.lights;
-        Plan::new(&settings)
+        settings
+    }
+
+    fn plan(&self) -> Result<Plan, PlanError> {
+        Plan::new(&self.plan_settings())
+    }
+
+    /// The lens.
+    pub fn lens(&self) -> Intrinsics {
+        LENS.resized(self.width, self.height)
+    }
+
+    /// A camera on the first of two arms, a lamp on the second, before the object, as [`VirtualEye::new`] has it.
+    ///
+    /// # Errors
+    /// If the object or the rig cannot be.
+    pub fn eye(&self, arms: [Arm; 2], foreseen: [Vec<Joints>; 2]) -> Result<VirtualEye, VirtualCaptureError> {
+        Ok(VirtualEye::new(self.tracer(&self.model()?)?, self.lens(), arms, foreseen))
     }
 
     /// Captures into the folder `out`, as [`session::capture`] does.
@@ -108,7 +126,7 @@ impl VirtualCapture {
             waypoints.iter().map(|waypoint| waypoint.pose).collect()
         };
         Shots {
-            intrinsics: LENS.resized(self.width, self.height),
+            intrinsics: self.lens(),
             cameras: poses(&plan.camera.waypoints),
             lights: poses(&plan.light.waypoints),
             view_order: plan.camera.order.clone(),
@@ -117,9 +135,13 @@ impl VirtualCapture {
         }
     }
 
-    fn rig(&self, model: &Model, shots: &Shots) -> Result<CaptureRig, RigError> {
+    fn tracer(&self, model: &Model) -> Result<VirtualRig, RigError> {
         let settings = Settings { samples: self.samples, seed: self.seed, ..Settings::default() };
-        let rig = VirtualRig::new(model, Lamp::default(), Sensor::default(), settings)?;
+        VirtualRig::new(model, Lamp::default(), Sensor::default(), settings)
+    }
+
+    fn rig(&self, model: &Model, shots: &Shots) -> Result<CaptureRig, RigError> {
+        let rig = self.tracer(model)?;
         let intrinsics = || shots.intrinsics.clone();
         let cameras = shots.cameras.iter().enumerate();
         let lights = shots.lights.iter().enumerate();
@@ -131,7 +153,10 @@ impl VirtualCapture {
     }
 
     /// All that makes the photographs what they are.
-    fn subject(&self) -> Result<Subject, SessionError> {
+    ///
+    /// # Errors
+    /// If the object's file cannot be read.
+    pub fn subject(&self) -> Result<Subject, SessionError> {
         let mut subject = Subject::from_iter([
             ("rig".to_owned(), "virtual".into()),
             ("object".to_owned(), self.object.clone().into()),
