@@ -142,7 +142,7 @@ impl RigFile {
         if let Some(Photographs::Folder { folder, .. }) = &mut file.photographs
             && let Some(beside) = path.parent()
         {
-            *folder = beside.join(&*folder);
+            *folder = beside.join(folder.as_path());
         }
         Ok(file)
     }

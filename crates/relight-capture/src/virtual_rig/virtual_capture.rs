@@ -9,7 +9,7 @@ use relight_scene::{Camera, Intrinsics, Light, Pose};
 use super::objects::named;
 use super::{CaptureRig, Lamp, Model, RigError, Sensor, Settings, Stage, VirtualEye, VirtualRig, read_model};
 use crate::camera::Development;
-use crate::kinematics::{Arm, Joints};
+use crate::kinematics::{Arm, ArmPlace, ArmsSettings, Joints, Make};
 use crate::session::{self, Ending, Progress, SessionError, Shots, Subject};
 use crate::trajectory::{Plan, PlanError, PlanSettings, Waypoint};
 
@@ -25,6 +25,20 @@ const LENS: Intrinsics = Intrinsics {
 };
 /// Where its wedge of 57 degrees lies on the virtual stage: both walls are seen.
 const AZIMUTH_DEGREES: [f64; 2] = [-73.5, -16.5];
+/// The paper's arms, from where they reach all its cameras and lights: the camera's before the open corner of the stage, the
+/// light's on a plinth in the corner of the walls.
+const CAMERA_ARM: ArmPlace = ArmPlace {
+    model: Make::Ec66,
+    base_metres: [0.707, -0.707, 0.0],
+    yaw_degrees: 45.0,
+    home_degrees: None,
+};
+const LIGHT_ARM: ArmPlace = ArmPlace {
+    model: Make::Ur5e,
+    base_metres: [-0.34, 0.34, 0.03],
+    yaw_degrees: 135.0,
+    home_degrees: None,
+};
 
 /// What is captured, and how finely. All numbers together make the capture what it is: equal ones, equal bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -80,6 +94,11 @@ impl VirtualCapture {
 
     fn plan(&self) -> Result<Plan, PlanError> {
         Plan::new(&self.plan_settings())
+    }
+
+    /// Where the arms stand that carry camera and lamp.
+    pub fn arms(&self) -> ArmsSettings {
+        ArmsSettings { camera: CAMERA_ARM, light: LIGHT_ARM, table_metres: 0.0, clearance_metres: 0.01 }
     }
 
     /// The lens.
