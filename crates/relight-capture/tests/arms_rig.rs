@@ -9,7 +9,8 @@ use std::time::Duration;
 use relight_capture::camera::{CameraError, Frame};
 use relight_capture::kinematics::{ArmPlace, ArmsSettings, Joints, Make};
 use relight_capture::rig::{
-    ArmsRig, CAMERA, Eye, HOME, LIGHT, NoEye, Pace, Prepared, RigFile, SimulatedArms, Stance, Walk, station, walk,
+    ArmsRig, CAMERA, Eye, HOME, LIGHT, NoEye, Pace, Prepared, RigFile, SimulatedArms, Stance, Walk, station,
+    walk,
 };
 use relight_capture::robot::{Arm, ArmError, ArmState, ArmStatus, DryRun, JointSpeed, PlannedMotion};
 use relight_capture::session::{Rig, Shots};
@@ -19,7 +20,8 @@ use relight_scene::{Image, Intrinsics};
 const PACE: Pace = Pace { speed: JointSpeed::USUAL, settle: Duration::ZERO };
 
 fn arms() -> ArmsSettings {
-    let place = |model, base_metres, yaw_degrees| ArmPlace { model, base_metres, yaw_degrees, home_degrees: None };
+    let place =
+        |model, base_metres, yaw_degrees| ArmPlace { model, base_metres, yaw_degrees, home_degrees: None };
     ArmsSettings {
         camera: place(Make::Ec66, [0.0, -1.0, 0.0], 0.0),
         light: place(Make::Ur5e, [0.0, 0.48, 0.03], 180.0),
@@ -203,10 +205,8 @@ fn arms_that_stand_where_nothing_was_planned_do_not_move() {
     }
     // Nor does the camera while the light is not at home.
     let itinerary = &prepared.itinerary;
-    let stands = [
-        middle(&homes[CAMERA], itinerary.joints(CAMERA, station(0))),
-        *itinerary.joints(LIGHT, station(0)),
-    ];
+    let stands =
+        [middle(&homes[CAMERA], itinerary.joints(CAMERA, station(0))), *itinerary.joints(LIGHT, station(0))];
     assert!(rig(&prepared, stands, None, &Record::default()).is_err());
 }
 
@@ -267,8 +267,13 @@ fn what_cannot_be_shot_together_is_left_out_with_its_reason() {
     let file = RigFile { camera: Some(settings.camera), light: Some(settings.light), ..RigFile::default() };
     let prepared = Prepared::new(&file, &arms()).unwrap();
     let plan = &prepared.plan;
-    let reasons: Vec<&String> =
-        plan.camera.waypoints.iter().chain(&plan.light.waypoints).filter_map(|w| w.unreachable.as_ref()).collect();
+    let reasons: Vec<&String> = plan
+        .camera
+        .waypoints
+        .iter()
+        .chain(&plan.light.waypoints)
+        .filter_map(|w| w.unreachable.as_ref())
+        .collect();
     assert!(reasons.iter().any(|reason| reason.contains("cannot be shot together")), "{reasons:?}");
     // What is left is shot, counted without gaps.
     let shots = shots(&prepared);

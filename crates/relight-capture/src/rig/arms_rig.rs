@@ -174,10 +174,9 @@ impl<'a> ArmsRig<'a> {
     /// The waypoint of a view or light of the session.
     fn waypoint(&self, arm: usize, number: usize) -> Result<usize, ArmsFault> {
         let label = self.labels[arm].get(number).copied();
-        label.map(station).ok_or_else(|| ArmsFault::NoWay {
-            arm: self.itinerary.arm(arm).name.clone(),
-            label: number,
-        })
+        label
+            .map(station)
+            .ok_or_else(|| ArmsFault::NoWay { arm: self.itinerary.arm(arm).name.clone(), label: number })
     }
 
     fn go_to_view(&mut self, view: usize) -> Result<(), ArmsFault> {
@@ -223,7 +222,8 @@ impl<'a> ArmsRig<'a> {
         for (arm, place) in self.arms.iter_mut().zip([CAMERA, LIGHT]) {
             let name = &self.itinerary.arm(place).name;
             // An arm whose own stop is known to have failed has said so.
-            let has_said = matches!(&fault, ArmsFault::Arm { arm, fault: ArmError::NotStopped { .. } } if arm == name);
+            let has_said =
+                matches!(&fault, ArmsFault::Arm { arm, fault: ArmError::NotStopped { .. } } if arm == name);
             if !has_said && let Err(stop) = arm.stop() {
                 fault = ArmsFault::NotStopped { fault: Box::new(fault), arm: name.clone(), stop };
             }

@@ -26,7 +26,11 @@ pub type Arms = [Box<dyn Arm>; 2];
 ///
 /// # Errors
 /// If an address is none, or what answers there is no controller of the arm's make.
-pub fn connect(itinerary: &Itinerary, arms: &ArmsSettings, controllers: &Controllers) -> Result<Arms, SetupError> {
+pub fn connect(
+    itinerary: &Itinerary,
+    arms: &ArmsSettings,
+    controllers: &Controllers,
+) -> Result<Arms, SetupError> {
     let connect = |arm: usize, make: Make, at: &str| {
         let limits = TimeLimits::default();
         let connected: Result<Box<dyn Arm>, ArmError> = match make {
@@ -76,7 +80,8 @@ impl SimulatedArms {
     /// # Errors
     /// If one does not answer in time.
     pub fn connect(&self, itinerary: &Itinerary, arms: &ArmsSettings) -> Result<Arms, SetupError> {
-        let limits = TimeLimits { connect: PATIENCE, reply: PATIENCE, silence: PATIENCE, rest: Duration::ZERO };
+        let limits =
+            TimeLimits { connect: PATIENCE, reply: PATIENCE, silence: PATIENCE, rest: Duration::ZERO };
         let connect = |arm: usize, make: Make| {
             let controller = &self.controllers[arm];
             let at = |service| controller.address_of(service);
@@ -89,7 +94,8 @@ impl SimulatedArms {
                 }
                 Make::Ec66 => {
                     let [control, monitor] = [at("control"), at("monitor")];
-                    EliteArm::connect(EliteAddresses { control, monitor }, limits).map(|arm| Box::new(arm) as _)
+                    EliteArm::connect(EliteAddresses { control, monitor }, limits)
+                        .map(|arm| Box::new(arm) as _)
                 }
             };
             named(itinerary, arm, connected)

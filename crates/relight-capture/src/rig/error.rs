@@ -33,7 +33,9 @@ pub enum ArmsFault {
     /// An arm stands where no motion of the plan leads.
     #[error(
         "the {arm} stands at joints {} degrees, which no planned motion passes while the other arm stands as it does. Bring both arms \
-         home by hand, then go on: the {arm} to {} degrees", degrees(joints), degrees(home)
+         home by hand, then go on: the {arm} to {} degrees",
+        degrees(joints),
+        degrees(home)
     )]
     Astray {
         /// Its name.
@@ -102,7 +104,9 @@ pub enum SetupError {
     #[error("no {0} is reached by the arms; `relight capture plan` says why, waypoint by waypoint")]
     Nothing(&'static str),
     /// The stored calibration is of something else.
-    #[error("the calibration is not of this plan: {0}. Calibrate this rig, or name the calibration that belongs to it")]
+    #[error(
+        "the calibration is not of this plan: {0}. Calibrate this rig, or name the calibration that belongs to it"
+    )]
     Calibration(String),
     /// An address is none.
     #[error("[controllers] {0}")]

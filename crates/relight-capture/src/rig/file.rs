@@ -250,7 +250,10 @@ mod tests {
             ("[motion]\nspeed-degree = 3", "did you mean `speed-degrees`?"),
             ("[controler]\n", "did you mean `controllers`?"),
             ("[photographs]\nfrom = \"foldr\"", "did you mean `folder`?"),
-            ("[photographs]\nfrom = \"folder\"\nfolder = \"x\"\nsize = [4, 3]\npatience = 3", "did you mean `patience-seconds`?"),
+            (
+                "[photographs]\nfrom = \"folder\"\nfolder = \"x\"\nsize = [4, 3]\npatience = 3",
+                "did you mean `patience-seconds`?",
+            ),
             ("[arms.camera]\nmodel = \"ur5\"\nbase-metres = [0, 0, 0]", "did you mean `ur5e`?"),
         ] {
             let error = read(text).unwrap_err();
@@ -282,7 +285,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("rig.toml");
         std::fs::write(&path, text).unwrap();
-        let Some(Photographs::Folder { folder: shots, .. }) = RigFile::read(&path).unwrap().photographs else {
+        let Some(Photographs::Folder { folder: shots, .. }) = RigFile::read(&path).unwrap().photographs
+        else {
             panic!("a folder was asked for");
         };
         assert_eq!(shots, folder.path().join("shots"));

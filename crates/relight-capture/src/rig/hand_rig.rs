@@ -14,7 +14,10 @@ pub struct HandRig<'a> {
 
 impl<'a> HandRig<'a> {
     /// A rig whose photographs `eye` takes.
-    pub fn new(eye: Box<dyn Eye + 'a>, place: Box<dyn FnMut(usize, usize) -> Result<(), RigFault> + 'a>) -> Self {
+    pub fn new(
+        eye: Box<dyn Eye + 'a>,
+        place: Box<dyn FnMut(usize, usize) -> Result<(), RigFault> + 'a>,
+    ) -> Self {
         HandRig { eye, place, stance: Stance { view: 0, light: 0, joints: [[0.0; 6]; 2] } }
     }
 }

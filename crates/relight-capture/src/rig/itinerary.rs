@@ -48,7 +48,8 @@ impl Itinerary {
         loop {
             let orders = [&plan.camera, &plan.light].map(|trajectory| trajectory.order.clone());
             let (camera, light) = roadmaps(&cell, &stations, &orders);
-            let itinerary = Itinerary { cell: cell.clone(), stations: stations.clone(), orders, camera, light };
+            let itinerary =
+                Itinerary { cell: cell.clone(), stations: stations.clone(), orders, camera, light };
             let conflicts = itinerary.conflicts();
             if conflicts.is_empty() {
                 return Ok(itinerary);
@@ -131,7 +132,8 @@ impl Itinerary {
         let home = [CAMERA, LIGHT].map(|arm| *self.joints(arm, HOME));
         let camera = [*self.joints(CAMERA, station(view)), home[LIGHT]];
         let both = [camera[CAMERA], *self.joints(LIGHT, station(light))];
-        let checked = self.cell.check_motion(&home, &camera).and_then(|()| self.cell.check_motion(&camera, &both));
+        let checked =
+            self.cell.check_motion(&home, &camera).and_then(|()| self.cell.check_motion(&camera, &both));
         checked.err()
     }
 }
@@ -153,8 +155,13 @@ fn stations(trajectory: &Trajectory, home: &Joints, reached: &HashMap<usize, Joi
 }
 
 /// The roadmaps of the camera while the light is at home, and of the light for each station of the camera.
-fn roadmaps(cell: &Cell<2>, stations: &[Vec<Joints>; 2], orders: &[Vec<usize>; 2]) -> (Roadmap, Vec<Roadmap>) {
-    let [views, lights] = orders.each_ref().map(|order| order.iter().map(|&l| station(l)).collect::<Vec<_>>());
+fn roadmaps(
+    cell: &Cell<2>,
+    stations: &[Vec<Joints>; 2],
+    orders: &[Vec<usize>; 2],
+) -> (Roadmap, Vec<Roadmap>) {
+    let [views, lights] =
+        orders.each_ref().map(|order| order.iter().map(|&l| station(l)).collect::<Vec<_>>());
     let light_home = stations[LIGHT][HOME];
     let camera = Roadmap::new(&stations[CAMERA], &views, |from, to| {
         cell.check_motion(&[*from, light_home], &[*to, light_home]).is_ok()
@@ -177,7 +184,8 @@ fn worst(conflicts: &[(usize, usize)]) -> Option<(usize, usize, (usize, usize))>
             counts.entry(key).or_insert((0, (view, light))).0 += 1;
         }
     }
-    let most = counts.into_iter().max_by_key(|&((arm, label), (count, _))| (count, arm, usize::MAX - label))?;
+    let most =
+        counts.into_iter().max_by_key(|&((arm, label), (count, _))| (count, arm, usize::MAX - label))?;
     let ((arm, label), (_, pair)) = most;
     Some((arm, label, pair))
 }

@@ -89,7 +89,11 @@ impl Prepared {
             let found = calibration.waypoints.iter().find(|waypoint| waypoint.label == label);
             let found =
                 found.ok_or_else(|| SetupError::Calibration(format!("it has no camera waypoint {label}")))?;
-            self.compare(&format!("camera waypoint {label}"), &found.pose, &self.itinerary.pose(CAMERA, label))?;
+            self.compare(
+                &format!("camera waypoint {label}"),
+                &found.pose,
+                &self.itinerary.pose(CAMERA, label),
+            )?;
             poses[CAMERA].insert(label, found.pose);
         }
         let arm = self.itinerary.arm(LIGHT);
@@ -110,8 +114,10 @@ impl Prepared {
         let (a, b) = (calibrated.position(), planned.position());
         let far = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt();
         // The angle of the rotation between them, from its trace.
-        let trace: f64 =
-            (0..3).flat_map(|i| (0..3).map(move |j| (i, j))).map(|(i, j)| calibrated.0[i][j] * planned.0[i][j]).sum();
+        let trace: f64 = (0..3)
+            .flat_map(|i| (0..3).map(move |j| (i, j)))
+            .map(|(i, j)| calibrated.0[i][j] * planned.0[i][j])
+            .sum();
         let angle = ((trace - 1.0) / 2.0).clamp(-1.0, 1.0).acos();
         if far <= FARTHEST && angle <= ASKEW {
             return Ok(());

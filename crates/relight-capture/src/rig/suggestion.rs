@@ -9,7 +9,9 @@ pub fn with_suggestion(message: &str) -> String {
     let quoted = message.split_once("unknown ").map_or("", |(_, rest)| rest);
     let mut names = quoted.split('`').skip(1).step_by(2);
     let nearest = names.next().and_then(|wrong| {
-        let near = names.map(|name| (edits(wrong, name), name)).filter(|(edits, name)| is_likely(*edits, wrong, name));
+        let near = names
+            .map(|name| (edits(wrong, name), name))
+            .filter(|(edits, name)| is_likely(*edits, wrong, name));
         near.min()
     });
     match nearest {
@@ -53,6 +55,9 @@ mod tests {
     #[test]
     fn messages_without_an_unknown_name_stay() {
         assert_eq!(with_suggestion("missing field `size`"), "missing field `size`");
-        assert_eq!(with_suggestion("unknown field `xyz`, there are no fields"), "unknown field `xyz`, there are no fields");
+        assert_eq!(
+            with_suggestion("unknown field `xyz`, there are no fields"),
+            "unknown field `xyz`, there are no fields"
+        );
     }
 }

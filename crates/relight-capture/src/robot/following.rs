@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use super::arm::{ArmState, ArmStatus, Joints, largest_difference};
+use super::arm::{Arm, ArmState, ArmStatus, Joints, largest_difference};
 use super::error::ArmError;
 use super::feed::Feed;
 use super::link::TimeLimits;
@@ -17,13 +17,19 @@ const BEGIN: Duration = Duration::from_secs(3);
 /// A stop must be over within this.
 const STOP: Duration = Duration::from_secs(3);
 
-/// What differs from make to make.
-pub(super) trait Controller {
+/// What every driver has.
+#[derive(Debug)]
+pub(super) struct Watch {
     /// Where errors say that they come from.
-    fn address(&self) -> &str;
-    fn limits(&self) -> &TimeLimits;
+    pub address: String,
+    pub limits: TimeLimits,
     /// States as they come. They may not know about remote control.
-    fn feed(&self) -> &Feed;
+    pub feed: Feed,
+}
+
+/// What differs from make to make.
+pub(super) trait Controller: Send {
+    fn watched(&self) -> &Watch;
     /// The state now, remote control included.
     fn state_now(&mut self) -> Result<ArmState, ArmError>;
     /// Orders a motion.
@@ -34,13 +40,36 @@ pub(super) trait Controller {
     fn order_stop(&mut self) -> Result<(), ArmError>;
 }
 
-/// See [`super::Arm::move_along`].
-pub(super) fn follow(arm: &mut impl Controller, motion: &PlannedMotion) -> Result<ArmState, ArmError> {
+impl<C: Controller> Arm for C {
+    fn state(&mut self) -> Result<ArmState, ArmError> {
+        self.state_now()
+    }
+
+    fn move_along(&mut self, motion: &PlannedMotion) -> Result<ArmState, ArmError> {
+        follow(self, motion)
+    }
+
+    fn stop(&mut self) -> Result<(), ArmError> {
+        stop(self)
+    }
+}
+
+impl Watch {
+    pub fn newest(&self) -> Result<(u64, ArmState), ArmError> {
+        self.feed.newest(&self.address, self.limits.silence)
+    }
+
+    fn after(&self, count: u64) -> Result<(u64, ArmState), ArmError> {
+        self.feed.after(count, &self.address, self.limits.silence)
+    }
+}
+
+fn follow(arm: &mut impl Controller, motion: &PlannedMotion) -> Result<ArmState, ArmError> {
     let state = arm.state_now()?;
     if state.status != ArmStatus::Idle {
         return Err(stopped(arm, state.status));
     }
-    motion.check_start(arm.address(), &state.joints)?;
+    motion.check_start(&arm.watched().address, &state.joints)?;
     let arrived = arm.begin(motion).and_then(|()| arrive(arm, motion, &state.joints));
     arrived.map_err(|cause| match stop(arm) {
         Ok(()) => cause,
@@ -48,19 +77,18 @@ pub(super) fn follow(arm: &mut impl Controller, motion: &PlannedMotion) -> Resul
     })
 }
 
-/// See [`super::Arm::stop`].
-pub(super) fn stop(arm: &mut impl Controller) -> Result<(), ArmError> {
+fn stop(arm: &mut impl Controller) -> Result<(), ArmError> {
     let ordered = arm.order_stop();
     // Whoever does not take the order may stand all the same: stopped by its own safety, or by hand.
     rest(arm).map_err(|unseen| ordered.err().unwrap_or(unseen))
 }
 
 fn stopped(arm: &impl Controller, status: ArmStatus) -> ArmError {
-    ArmError::Stopped { address: arm.address().to_owned(), status }
+    ArmError::Stopped { address: arm.watched().address.clone(), status }
 }
 
 fn late(arm: &impl Controller, awaited: &'static str, limit: Duration) -> ArmError {
-    ArmError::TimedOut { address: arm.address().to_owned(), awaited, seconds: limit.as_secs_f64() }
+    ArmError::TimedOut { address: arm.watched().address.clone(), awaited, seconds: limit.as_secs_f64() }
 }
 
 /// Since when the joints have not moved.
@@ -87,13 +115,13 @@ fn arrive(arm: &mut impl Controller, motion: &PlannedMotion, start: &Joints) -> 
     let begun = Instant::now();
     // The controller may choose to be slower than asked, not much.
     let limit = motion.duration().saturating_mul(2).saturating_add(Duration::from_secs(5));
-    let (rest, rest_unseen) = (arm.limits().rest, arm.limits().rest.saturating_mul(3));
-    let (mut count, state) = arm.feed().newest(arm.address(), arm.limits().silence)?;
+    let (rest, rest_unseen) = (arm.watched().limits.rest, arm.watched().limits.rest.saturating_mul(3));
+    let (mut count, state) = arm.watched().newest()?;
     let mut stillness = Stillness::new(state.joints);
     let mut has_moved = false;
     loop {
         arm.watch()?;
-        let (newer, state) = arm.feed().after(count, arm.address(), arm.limits().silence)?;
+        let (newer, state) = arm.watched().after(count)?;
         count = newer;
         let still = stillness.update(&state.joints);
         let (joint, difference) = largest_difference(&state.joints, motion.to());
@@ -108,7 +136,11 @@ fn arrive(arm: &mut impl Controller, motion: &PlannedMotion, start: &Joints) -> 
             }
             ArmStatus::Idle if has_moved => {
                 if still >= rest_unseen {
-                    return Err(ArmError::NotAtEnd { address: arm.address().to_owned(), joint, difference });
+                    return Err(ArmError::NotAtEnd {
+                        address: arm.watched().address.clone(),
+                        joint,
+                        difference,
+                    });
                 }
             }
             ArmStatus::Idle => {
@@ -127,13 +159,15 @@ fn arrive(arm: &mut impl Controller, motion: &PlannedMotion, start: &Joints) -> 
 /// Waits until the arm neither moves nor is about to.
 fn rest(arm: &impl Controller) -> Result<(), ArmError> {
     let ordered = Instant::now();
-    let (mut count, state) = arm.feed().newest(arm.address(), arm.limits().silence)?;
+    let (mut count, state) = arm.watched().newest()?;
     let mut stillness = Stillness::new(state.joints);
     loop {
-        let (newer, state) = arm.feed().after(count, arm.address(), arm.limits().silence)?;
+        let (newer, state) = arm.watched().after(count)?;
         count = newer;
         let still = stillness.update(&state.joints);
-        if still >= arm.limits().rest && !matches!(state.status, ArmStatus::Running | ArmStatus::Paused) {
+        if still >= arm.watched().limits.rest
+            && !matches!(state.status, ArmStatus::Running | ArmStatus::Paused)
+        {
             return Ok(());
         }
         if ordered.elapsed() > STOP {

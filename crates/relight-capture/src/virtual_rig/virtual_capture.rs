@@ -27,18 +27,10 @@ const LENS: Intrinsics = Intrinsics {
 const AZIMUTH_DEGREES: [f64; 2] = [-73.5, -16.5];
 /// The paper's arms, from where they reach all its cameras and lights: the camera's before the open corner of the stage, the
 /// light's on a plinth in the corner of the walls.
-const CAMERA_ARM: ArmPlace = ArmPlace {
-    model: Make::Ec66,
-    base_metres: [0.707, -0.707, 0.0],
-    yaw_degrees: 45.0,
-    home_degrees: None,
-};
-const LIGHT_ARM: ArmPlace = ArmPlace {
-    model: Make::Ur5e,
-    base_metres: [-0.34, 0.34, 0.03],
-    yaw_degrees: 135.0,
-    home_degrees: None,
-};
+const CAMERA_ARM: ArmPlace =
+    ArmPlace { model: Make::Ec66, base_metres: [0.707, -0.707, 0.0], yaw_degrees: 45.0, home_degrees: None };
+const LIGHT_ARM: ArmPlace =
+    ArmPlace { model: Make::Ur5e, base_metres: [-0.34, 0.34, 0.03], yaw_degrees: 135.0, home_degrees: None };
 
 /// What is captured, and how finely. All numbers together make the capture what it is: equal ones, equal bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -79,8 +71,9 @@ impl VirtualCapture {
     /// # Errors
     /// As [`shoot`](VirtualCapture::shoot), but for those of the session.
     pub fn rehearse(&self) -> Result<Plan, VirtualCaptureError> {
-        self.model()?;
-        Ok(self.plan()?)
+        let plan = self.plan()?;
+        self.tracer(&self.model()?)?;
+        Ok(plan)
     }
 
     /// Where cameras and lights stand: on the domes of the paper's rig.

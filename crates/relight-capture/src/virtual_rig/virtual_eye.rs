@@ -63,8 +63,7 @@ impl Eye for VirtualEye {
             intrinsics: self.intrinsics.clone(),
             pose: self.arms[CAMERA].tool_pose(&stance.joints[CAMERA]),
         };
-        let light =
-            Light { label: stance.light, pose: self.arms[LIGHT].tool_pose(&stance.joints[LIGHT]) };
+        let light = Light { label: stance.light, pose: self.arms[LIGHT].tool_pose(&stance.joints[LIGHT]) };
         self.rig.shoot_from(&camera, light)
     }
 }

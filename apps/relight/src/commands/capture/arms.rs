@@ -6,8 +6,8 @@ use anyhow::{Context, bail, ensure};
 use relight_capture::calibration::{Calibration, load};
 use relight_capture::kinematics::{ArmsSettings, Joints};
 use relight_capture::rig::{
-    Arms, ArmsRig, CAMERA, Eye, HOME, LIGHT, NoEye, Pace, Photographs, Prepared, SetupError, SimulatedArms, Travel,
-    Walk, connect, station, walk,
+    Arms, ArmsRig, CAMERA, Eye, HOME, LIGHT, NoEye, Pace, Photographs, Prepared, SetupError, SimulatedArms,
+    Travel, Walk, connect, station, walk,
 };
 use relight_capture::robot::DryRun;
 use relight_capture::session::{Ending, Shots};
@@ -18,7 +18,10 @@ use crate::console::print_line;
 
 pub fn run(job: &Job, quiet: bool) -> anyhow::Result<()> {
     let arms = job.file.arms.with_context(|| {
-        format!("{}: has no arms; add a table [arms], or move camera and lamp yourself (--skip-robots)", job.args.rig)
+        format!(
+            "{}: has no arms; add a table [arms], or move camera and lamp yourself (--skip-robots)",
+            job.args.rig
+        )
     })?;
     let is_virtual = matches!(job.file.photographs, Some(Photographs::Virtual {}));
     if is_virtual {
@@ -60,7 +63,8 @@ impl Session<'_> {
         let standing = "; the arms stand where they are";
         if job.args.skip_camera {
             let total = shots.view_order.len() * shots.light_order.len();
-            let walked = job.follow(total, quiet, &mut |_, progress| Ok(walk(&mut rig, &shots, progress)?))?;
+            let walked =
+                job.follow(total, quiet, &mut |_, progress| Ok(walk(&mut rig, &shots, progress)?))?;
             ensure!(walked != Walk::Stopped, "stopped{standing}");
             return print_line(&format!("all waypoints were visited: {}", told(&rig.travel())));
         }
@@ -75,7 +79,8 @@ impl Session<'_> {
     /// Where simulated arms will come to rest, by the session's numbers.
     fn foreseen(&self, simulated: &SimulatedArms) -> [Vec<Joints>; 2] {
         [CAMERA, LIGHT].map(|arm| {
-            let joints = |&label: &usize| simulated.foresee(arm, self.prepared.itinerary.joints(arm, station(label)));
+            let joints =
+                |&label: &usize| simulated.foresee(arm, self.prepared.itinerary.joints(arm, station(label)));
             self.prepared.labels[arm].iter().map(joints).collect()
         })
     }
@@ -151,7 +156,9 @@ impl Session<'_> {
         match (simulated, &self.job.file.controllers) {
             (Some(simulated), _) => Ok(simulated.connect(itinerary, &self.arms)?),
             (None, Some(controllers)) => Ok(connect(itinerary, &self.arms, controllers)?),
-            (None, None) => bail!("{}: nobody knows where the arms listen; add a table [controllers]", self.job.args.rig),
+            (None, None) => {
+                bail!("{}: nobody knows where the arms listen; add a table [controllers]", self.job.args.rig)
+            }
         }
     }
 
@@ -176,7 +183,8 @@ impl Session<'_> {
             Box::new(DryRun::new(name, *itinerary.joints(arm, HOME))) as Box<dyn relight_capture::robot::Arm>
         });
         let lens = self.job.virtual_capture.lens();
-        let shots = self.prepared.shots(&self.job.file, lens.clone(), |arm, label| itinerary.pose(arm, label));
+        let shots =
+            self.prepared.shots(&self.job.file, lens.clone(), |arm, label| itinerary.pose(arm, label));
         let mut rig = self.rig(arms, Box::new(NoEye))?;
         let walked = walk(&mut rig, &shots, &mut |_| std::ops::ControlFlow::Continue(()))?;
         let size = match &self.job.file.photographs {
@@ -215,5 +223,8 @@ impl Session<'_> {
 
 fn told(travel: &Travel) -> String {
     let [camera, light] = travel.motions;
-    format!("{camera} motions of the camera arm, {light} of the light arm, {}", time(travel.time.as_secs_f64()))
+    format!(
+        "{camera} motions of the camera arm, {light} of the light arm, {}",
+        time(travel.time.as_secs_f64())
+    )
 }

@@ -42,7 +42,7 @@ pub struct Args {
     #[arg(long, value_enum, value_name = "motion|target", default_value = "motion")]
     noise_of: Of,
     /// Where the arm stands at first, degrees; where its maker ships it if not given.
-    #[arg(long, value_name = "Q1,…,Q6", allow_hyphen_values = true, value_delimiter = ',', num_args = 6)]
+    #[arg(long, value_name = "Q1,…,Q6", allow_hyphen_values = true, value_delimiter = ',')]
     joints: Option<Vec<f64>>,
     /// Simulated seconds per second.
     #[arg(long, value_name = "F", default_value_t = 1.0, value_parser = time_scale)]

@@ -69,7 +69,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let itinerary = file.arms.map(planned).transpose().with_context(named)?;
     plan.write(&args.out)?;
     if let Some(path) = &args.picture {
-        let [camera, light] = itinerary.as_ref().map(|it| reaches(it.cell())).map_or([None, None], |reaches| reaches.map(Some));
+        let [camera, light] =
+            itinerary.as_ref().map(|it| reaches(it.cell())).map_or([None, None], |reaches| reaches.map(Some));
         picture(&plan, camera.as_ref(), light.as_ref()).write_png(path)?;
     }
     print_line(&format!("{}\n{}", told("camera", &plan.camera), told("light", &plan.light)))

@@ -117,7 +117,10 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     if !args.skip_robots {
         return arms::run(&job, quiet);
     }
-    ensure!(args.calibration.is_none(), "--calibration says where arms bring camera and lamp; without --skip-robots it is used");
+    ensure!(
+        args.calibration.is_none(),
+        "--calibration says where arms bring camera and lamp; without --skip-robots it is used"
+    );
     if args.rig == VIRTUAL {
         return job.traced(quiet);
     }
@@ -176,20 +179,28 @@ impl Job<'_> {
     fn by_hand(&self, quiet: bool) -> anyhow::Result<()> {
         let plan = Plan::new(&self.file.plan_settings()).with_context(|| self.args.rig.clone())?;
         let Some(Photographs::Folder { size, .. }) = &self.file.photographs else {
-            bail!("{}: --skip-robots wants a real camera; add a table [photographs] with from = \"folder\"", self.args.rig);
+            bail!(
+                "{}: --skip-robots wants a real camera; add a table [photographs] with from = \"folder\"",
+                self.args.rig
+            );
         };
         if self.args.dry_run {
             return rehearse(&plan, *size);
         }
         let intrinsics = self.rough_lens(*size)?;
         let eye = self.real_eye()?;
-        let [cameras, lights] = [&plan.camera, &plan.light].map(|t| t.waypoints.iter().map(|w| w.pose).collect::<Vec<_>>());
+        let [cameras, lights] =
+            [&plan.camera, &plan.light].map(|t| t.waypoints.iter().map(|w| w.pose).collect::<Vec<_>>());
         let place = |view: usize, light: usize| {
             let at = |pose: &relight_scene::Pose| {
                 let [x, y, z] = pose.position();
                 format!("{x:.3} {y:.3} {z:.3} m")
             };
-            eprintln!("view {view}, camera at {}, under light {light} at {}", at(&cameras[view]), at(&lights[light]));
+            eprintln!(
+                "view {view}, camera at {}, under light {light} at {}",
+                at(&cameras[view]),
+                at(&lights[light])
+            );
             if stdin().is_terminal() {
                 eprintln!("press Enter when both are there");
                 // The end of the input counts as Enter.
@@ -211,7 +222,13 @@ impl Job<'_> {
     }
 
     /// Shoots a session with any rig.
-    pub fn shoot(&self, rig: &mut dyn Rig, shots: &Shots, subject: &Subject, quiet: bool) -> anyhow::Result<Ending> {
+    pub fn shoot(
+        &self,
+        rig: &mut dyn Rig,
+        shots: &Shots,
+        subject: &Subject,
+        quiet: bool,
+    ) -> anyhow::Result<Ending> {
         let total = shots.view_order.len() * shots.light_order.len();
         let (out, resume) = (&self.args.out, self.args.resume);
         self.follow(total, quiet, &mut |_, progress| {
@@ -230,7 +247,8 @@ impl Job<'_> {
         ) -> anyhow::Result<T>,
     ) -> anyhow::Result<T> {
         let cancel = cancel_flag()?;
-        let bar = Progress::new(if self.args.skip_camera { "walking" } else { "shooting" }, total as u64, quiet);
+        let bar =
+            Progress::new(if self.args.skip_camera { "walking" } else { "shooting" }, total as u64, quiet);
         let started = Instant::now();
         let ended = work(&bar, &mut |progress| {
             let session::Progress { done, resumed, total } = progress;
@@ -266,10 +284,18 @@ impl Job<'_> {
         match &self.file.photographs {
             Some(Photographs::Folder { folder, command, patience_seconds, size: [width, height] }) => {
                 let patience = Duration::try_from_secs_f64(*patience_seconds)?;
-                Ok(Box::new(Box::new(FolderCamera::new(folder, command.clone(), patience, (*width, *height))?)))
+                Ok(Box::new(Box::new(FolderCamera::new(
+                    folder,
+                    command.clone(),
+                    patience,
+                    (*width, *height),
+                )?)))
             }
             Some(Photographs::Virtual {}) | None => {
-                bail!("{}: has no camera; add a table [photographs], or walk with --skip-camera", self.args.rig)
+                bail!(
+                    "{}: has no camera; add a table [photographs], or walk with --skip-camera",
+                    self.args.rig
+                )
             }
         }
     }
@@ -279,7 +305,9 @@ impl Job<'_> {
         let lens = self.file.lens.with_context(|| {
             format!("{}: nobody knows the lens; name a --calibration, or add a table [lens]", self.args.rig)
         })?;
-        tracing::warn!("without a calibration, poses are where the plan has them and the lens is a rough one");
+        tracing::warn!(
+            "without a calibration, poses are where the plan has them and the lens is a rough one"
+        );
         Ok(lens.intrinsics(size))
     }
 
