@@ -11,7 +11,9 @@ use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::Duration;
 
-use relight_scene::Scene;
+use relight_capture::trajectory::Plan;
+use relight_scene::{Pose, Scene};
+use serde_json::{Value, json};
 use tempfile::TempDir;
 
 use common::contents;
@@ -210,4 +212,78 @@ fn a_camera_without_arms_shoots_at_the_planned_names() {
     assert_eq!(scene.read_frame(0).unwrap().data, picture.data);
     assert!(fail(&folder, &format!("{shoot} --size 8x6")).contains("[photographs]"));
     assert_eq!(run(&folder, &format!("{shoot} --skip-camera")).status.code(), Some(2));
+}
+
+/// A calibration of a plan that is off by some millimetres: cameras by `off`, the light's arm by (1, 0, -2) mm.
+fn calibration(plan: &Plan, light_base: [f64; 3], off: [f64; 3]) -> Value {
+    let moved = |pose: &Pose| {
+        let mut matrix = pose.to_matrix();
+        (0..3).for_each(|i| matrix[4 * i + 3] += off[i]);
+        matrix
+    };
+    let waypoints: Vec<Value> = plan
+        .camera
+        .waypoints
+        .iter()
+        .map(|w| {
+            json!({"label": w.label, "camera_to_world": moved(&w.pose), "corners": 48, "rms_pixels": 0.1,
+                   "worst_pixels": 0.3, "rms_metres": 2e-5, "position_error": 3e-5, "rotation_error": 5e-5, "is_bad": false})
+        })
+        .collect();
+    let [x, y, z] = light_base;
+    json!({
+        "format": "relight-calibration-1", "made": 1_700_000_000,
+        "board": {"columns": 9, "rows": 7, "square": 0.02, "marker": 0.015, "dictionary": "DICT_4X4_50"},
+        "board_to_world": [1, 0, 0, 0, 0, -1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1],
+        "lens": {"width": 1440, "height": 1080, "fx": 2300, "fy": 2310, "cx": 715, "cy": 535,
+                 "distortion": [-0.1, 0.05, 0, 0, 0], "errors": [1, 1, 1, 1, 0, 0, 0, 0, 0]},
+        "rms_pixels": 0.1, "waypoints": waypoints, "left_out": [],
+        "light": {"base_to_world": [1, 0, 0, x + 1e-3, 0, 1, 0, y, 0, 0, 1, z - 2e-3, 0, 0, 0, 1],
+                  "is_rotation_measured": true, "residuals": [1e-5], "rms": 1e-5}
+    })
+}
+
+#[test]
+fn lens_and_poses_are_those_of_a_calibration_that_fits() {
+    let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
+    drop(rig(&folder, ""));
+    // Without controllers simulated ones are started.
+    let file = folder.path().join("rig.toml");
+    let text = fs::read_to_string(&file).unwrap();
+    let (before, rest) = text.split_once("[controllers]").unwrap();
+    fs::write(&file, format!("{before}{}", &rest[rest.find("[motion]").unwrap()..])).unwrap();
+    succeed(&folder, "capture plan --rig rig.toml --out plan.json");
+    let plan = Plan::read(&folder.path().join("plan.json")).unwrap();
+    let calibrated = |name: &str, off: [f64; 3]| {
+        let text = calibration(&plan, [0.0, 0.48, 0.03], off).to_string();
+        fs::write(folder.path().join(name), text).unwrap();
+        format!("{RUN} --out scene --calibration {name}")
+    };
+    let error = fail(&folder, &calibrated("other.json", [0.0, 0.12, 0.0]));
+    assert!(error.contains("not of this plan") && error.contains("camera waypoint 0 120 mm"), "{error}");
+    assert!(!folder.path().join("scene").exists());
+    succeed(&folder, &format!("{RUN} --out exact"));
+    let output = run(&folder, &format!("{} -v", calibrated("own.json", [2e-3, 0.0, -1e-3])));
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success() && told.contains("calibrated ") && told.contains(" ago"), "{told}");
+    let scene = |name: &str| Scene::open(&folder.path().join(name)).unwrap();
+    let (exact, scene) = (scene("exact"), scene("scene"));
+    let apart = |a: &Pose, b: &Pose| {
+        let (a, b) = (a.position(), b.position());
+        [0, 1, 2].map(|i| a[i] - b[i])
+    };
+    let near = |a: [f64; 3], b: [f64; 3], limit: f64| a.iter().zip(b).all(|(a, b)| (a - b).abs() < limit);
+    for (camera, waypoint) in scene.cameras.iter().zip(&plan.camera.waypoints) {
+        assert!(near(apart(&camera.pose, &waypoint.pose), [2e-3, 0.0, -1e-3], 1e-6));
+        assert!((camera.intrinsics.fx - 2300.0 * 24.0 / 1440.0).abs() < 0.1, "{:?}", camera.intrinsics);
+        assert!((camera.intrinsics.distortion[0] + 0.1).abs() < 1e-9);
+    }
+    for (light, exact) in scene.lights.iter().zip(&exact.lights) {
+        // The exact one knows where the arm came to rest beside the plan, the calibrated one does not.
+        let apart = apart(&light.pose, &exact.pose);
+        assert!(near(apart, [1e-3, 0.0, -2e-3], 2e-4) && !near(apart, [1e-3, 0.0, -2e-3], 1e-7), "{apart:?}");
+    }
+    // Photographs show what is there, whatever is believed of it.
+    let pictures = |scene: &Scene| scene.read_frame(0).unwrap().data;
+    assert_eq!(pictures(&scene), pictures(&exact));
 }

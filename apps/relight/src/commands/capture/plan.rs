@@ -35,7 +35,7 @@ use crate::places;
                   taken to be reached, as the virtual rig does:\n\n  \
                   [arms]\n  \
                   camera = { model = \"ec66\", base-metres = [0.0, -1.0, 0.0], yaw-degrees = 0.0 }\n  \
-                  light = { model = \"ur5e\", base-metres = [0.0, 0.48, 0.03] }\n  \
+                  light = { model = \"ur5e\", base-metres = [-0.124, 0.464, 0.03] }\n  \
                   table-metres = 0.0                     # height of the table\n  \
                   clearance-metres = 0.01                # how far all must stay from each other\n  \
                   # camera and light take home-degrees = [6 joints] too: where the arm waits; upright if left out\n\n\
