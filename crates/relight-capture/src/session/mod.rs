@@ -76,7 +76,7 @@ impl Shots {
     /// The lights in the order of visit at the `i`-th view of the order of views: to and fro.
     pub fn lights_of(&self, i: usize) -> Vec<usize> {
         let forth = self.light_order.iter().copied();
-        if i % 2 == 0 { forth.collect() } else { forth.rev().collect() }
+        if i.is_multiple_of(2) { forth.collect() } else { forth.rev().collect() }
     }
 }
 

@@ -62,9 +62,8 @@ impl Session<'_> {
         let mut rig = self.rig(connected, eye)?;
         let standing = "; the arms stand where they are";
         if job.args.skip_camera {
-            let total = shots.view_order.len() * shots.light_order.len();
-            let walked =
-                job.follow(total, quiet, &mut |_, progress| Ok(walk(&mut rig, &shots, progress)?))?;
+            let counts = [shots.view_order.len(), shots.light_order.len()];
+            let walked = job.follow(counts, quiet, &mut |progress| Ok(walk(&mut rig, &shots, progress)?))?;
             ensure!(walked != Walk::Stopped, "stopped{standing}");
             return print_line(&format!("all waypoints were visited: {}", told(&rig.travel())));
         }

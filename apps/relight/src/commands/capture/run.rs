@@ -1,6 +1,7 @@
 //! `relight capture run`: every view under every light.
 
 use std::io::{IsTerminal, stdin};
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -103,6 +104,9 @@ centre-pixels = [719.5, 539.5]\n\n  \
 white-balance = [1.0, 1.0, 1.0]\n  \
 black-level = 0.0";
 
+/// What is told of progress, and whether to go on.
+type Told<'a> = dyn FnMut(session::Progress) -> ControlFlow<()> + 'a;
+
 /// A session that is ready to be begun.
 pub struct Job<'a> {
     pub args: &'a Args,
@@ -168,8 +172,7 @@ impl Job<'_> {
         if self.args.dry_run {
             return rehearse(&capture.rehearse()?, [capture.width, capture.height]);
         }
-        let total = capture.views * capture.lights;
-        let ending = self.follow(total, quiet, &mut |_, progress| {
+        let ending = self.follow([capture.views, capture.lights], quiet, &mut |progress| {
             Ok(capture.shoot(&self.args.out, self.args.resume, progress)?)
         })?;
         self.told(ending, [capture.views, capture.lights], "")
@@ -229,33 +232,35 @@ impl Job<'_> {
         subject: &Subject,
         quiet: bool,
     ) -> anyhow::Result<Ending> {
-        let total = shots.view_order.len() * shots.light_order.len();
+        let counts = [shots.view_order.len(), shots.light_order.len()];
         let (out, resume) = (&self.args.out, self.args.resume);
-        self.follow(total, quiet, &mut |_, progress| {
+        self.follow(counts, quiet, &mut |progress| {
             Ok(session::capture(rig, shots, subject, out, resume, progress)?)
         })
     }
 
-    /// Does something long while its progress is shown.
+    /// Does something long with so many views and lights while its progress is shown.
     pub fn follow<T>(
         &self,
-        total: usize,
+        [views, lights]: [usize; 2],
         quiet: bool,
-        work: &mut dyn FnMut(
-            &Progress,
-            &mut dyn FnMut(session::Progress) -> std::ops::ControlFlow<()>,
-        ) -> anyhow::Result<T>,
+        work: &mut dyn FnMut(&mut Told) -> anyhow::Result<T>,
     ) -> anyhow::Result<T> {
         let cancel = cancel_flag()?;
-        let bar =
-            Progress::new(if self.args.skip_camera { "walking" } else { "shooting" }, total as u64, quiet);
+        let bar = Progress::new(
+            if self.args.skip_camera { "walking" } else { "shooting" },
+            (views * lights) as u64,
+            quiet,
+        );
         let started = Instant::now();
-        let ended = work(&bar, &mut |progress| {
+        let ended = work(&mut |progress| {
             let session::Progress { done, resumed, total } = progress;
             bar.update(done as u64, total as u64, || {
                 let seconds = started.elapsed().as_secs_f64();
                 let rate = (done - resumed) as f64 / seconds;
-                let left = if done > resumed { time((total - done) as f64 / rate) } else { "?".to_owned() };
+                // All lights of a view may be photographed with the first.
+                let left =
+                    if done - resumed > lights { time((total - done) as f64 / rate) } else { "?".to_owned() };
                 format!("{done} of {total} photographs, {rate:.1}/s, {left} left")
             });
             unless(cancel)
