@@ -60,20 +60,32 @@ struct Recorded {
     record: Record,
     /// The motion, of both arms together and from 0, in the middle of which it stops.
     fails: Option<usize>,
+    /// The motion during which this arm, waiting, goes into emergency stop.
+    pressed: Option<usize>,
 }
 
 impl Arm for Recorded {
     fn state(&mut self) -> Result<ArmState, ArmError> {
-        self.arm.state()
+        let count = moves(&self.record).len();
+        let status = if self.pressed.is_some_and(|at| count > at) {
+            ArmStatus::EmergencyStop
+        } else {
+            ArmStatus::Idle
+        };
+        Ok(ArmState { status, ..self.arm.state()? })
     }
 
-    fn move_along(&mut self, motion: &PlannedMotion) -> Result<ArmState, ArmError> {
+    fn move_while(
+        &mut self,
+        motion: &PlannedMotion,
+        go_on: &mut dyn FnMut() -> Result<(), ArmError>,
+    ) -> Result<ArmState, ArmError> {
         let count = moves(&self.record).len();
         self.record.lock().unwrap().push(Event::Moved(self.which, *motion.from(), *motion.to()));
         if self.fails == Some(count) {
             return Err(ArmError::Stopped { address: "arm".to_owned(), status: ArmStatus::ProtectiveStop });
         }
-        self.arm.move_along(motion)
+        self.arm.move_while(motion, go_on)
     }
 
     fn stop(&mut self) -> Result<(), ArmError> {
@@ -98,10 +110,17 @@ fn rig<'a>(
     fails: Option<usize>,
     record: &Record,
 ) -> Result<ArmsRig<'a>, String> {
-    let arms = [CAMERA, LIGHT].map(|which| {
-        let arm = DryRun::new(prepared.itinerary.arm(which).name.clone(), stands[which]);
-        Box::new(Recorded { which, arm, record: Arc::clone(record), fails }) as Box<dyn Arm>
-    });
+    rig_of(
+        prepared,
+        [CAMERA, LIGHT].map(|which| {
+            let arm = DryRun::new(prepared.itinerary.arm(which).name.clone(), stands[which]);
+            Recorded { which, arm, record: Arc::clone(record), fails, pressed: None }
+        }),
+    )
+}
+
+fn rig_of(prepared: &Prepared, arms: [Recorded; 2]) -> Result<ArmsRig<'_>, String> {
+    let arms = arms.map(|arm| Box::new(arm) as Box<dyn Arm>);
     ArmsRig::new(&prepared.itinerary, prepared.labels.clone(), arms, Box::new(NoEye), PACE)
         .map_err(|fault| fault.to_string())
 }
@@ -189,6 +208,24 @@ fn a_fault_stops_both_arms_and_they_are_taken_up_from_where_they_stand() {
         stands[arm] = middle(&from, &to);
         walked(&prepared, stands);
     }
+}
+
+#[test]
+fn an_arm_does_not_go_on_when_the_waiting_one_is_stopped() {
+    let prepared = prepared(2, 3);
+    let record = Record::default();
+    let stands = homes(&prepared);
+    // The first motion is the camera's.
+    let arms = [(CAMERA, None), (LIGHT, Some(0))].map(|(which, pressed)| {
+        let arm = DryRun::new(prepared.itinerary.arm(which).name.clone(), stands[which]);
+        Recorded { which, arm, record: Arc::clone(&record), fails: None, pressed }
+    });
+    let fault =
+        walk(&mut rig_of(&prepared, arms).unwrap(), &shots(&prepared), &mut go).unwrap_err().to_string();
+    assert!(fault.contains("the light arm") && fault.contains("in emergency stop"), "{fault}");
+    let events = record.lock().unwrap().clone();
+    assert!(matches!(events[0], Event::Moved(CAMERA, ..)));
+    assert_eq!(events[1..], [Event::Stopped(CAMERA), Event::Stopped(LIGHT)]);
 }
 
 #[test]

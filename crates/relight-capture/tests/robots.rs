@@ -114,6 +114,24 @@ fn motions_take_the_time_that_they_are_planned_to() {
 }
 
 #[test]
+fn a_motion_that_must_not_go_on_is_stopped_on_the_way() {
+    for make in MAKES {
+        let controller = make.simulate(&[], 1.0);
+        let mut arm = make.connect(&controller).unwrap();
+        // Some five seconds.
+        let plan = plan_at(JointSpeed { speed: 0.2, acceleration: 1.0 }, make.home(), &[0.0, 1.0]);
+        let begun = Instant::now();
+        let wrong = ArmError::Stopped { address: "the other".to_owned(), status: ArmStatus::EmergencyStop };
+        let mut go_on =
+            || if begun.elapsed() < Duration::from_millis(300) { Ok(()) } else { Err(wrong.clone()) };
+        assert_eq!(arm.move_while(&plan.motions()[0], &mut go_on), Err(wrong.clone()), "{make:?}");
+        let stands = arm.state().unwrap();
+        let behind = difference(&stands.joints, plan.motions()[0].from());
+        assert!(stands.status == ArmStatus::Idle && behind < 0.9, "{make:?}: {behind}");
+    }
+}
+
+#[test]
 fn a_motion_that_begins_elsewhere_is_refused() {
     for make in MAKES {
         let controller = make.simulate(&[], 20.0);

@@ -1,7 +1,7 @@
 //! Two arms and a camera, driven along the motions of an itinerary.
 
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use super::error::ArmsFault;
 use super::itinerary::{CAMERA, Itinerary, LIGHT, station};
@@ -9,11 +9,15 @@ use super::roadmap::HOME;
 use super::whereabouts::{Whereabouts, locate};
 use crate::camera::{Camera, CameraError, Frame};
 use crate::kinematics::Joints;
-use crate::robot::{Arm, ArmError, ArmStatus, JointSpeed, MotionPlan};
+use crate::robot::{Arm, ArmError, ArmStatus, JointSpeed, MotionPlan, PlannedMotion};
 use crate::session::{Rig, RigFault};
 
 /// An arm that waits may be measured this far from its station, radians; farther, something moved it.
 const STANDS: f64 = 2e-3;
+/// How often the arm that waits is looked at while the other moves.
+const LOOK: Duration = Duration::from_millis(100);
+/// Where states come from that tell no address.
+const ITS_CONTROLLER: &str = "its controller";
 
 /// Where everything is when a photograph is taken.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -127,7 +131,7 @@ impl<'a> ArmsRig<'a> {
         if state.status == ArmStatus::Idle {
             return Ok(state.joints);
         }
-        let fault = ArmError::Stopped { address: "its controller".to_owned(), status: state.status };
+        let fault = ArmError::Stopped { address: ITS_CONTROLLER.to_owned(), status: state.status };
         Err(ArmsFault::Arm { arm: name(), fault })
     }
 
@@ -163,12 +167,40 @@ impl<'a> ArmsRig<'a> {
         });
         let plan = plan.map_err(|fault| ArmsFault::Refused { arm: name(), fault })?;
         for motion in plan.motions() {
-            self.arms[arm].move_along(motion).map_err(|fault| ArmsFault::Arm { arm: name(), fault })?;
+            self.move_along(arm, motion)?;
             self.travel.motions[arm] += 1;
             self.travel.time = self.travel.time.saturating_add(motion.duration());
         }
         self.stands[arm] = Whereabouts::At(to);
         Ok(())
+    }
+
+    /// Moves an arm while the other stands ready.
+    fn move_along(&mut self, arm: usize, motion: &PlannedMotion) -> Result<(), ArmsFault> {
+        let named = |arm: usize, fault| ArmsFault::Arm { arm: self.itinerary.arm(arm).name.clone(), fault };
+        let [camera, light] = &mut self.arms;
+        let (moving, waiting) = if arm == CAMERA { (camera, light) } else { (light, camera) };
+        let (mut looked, mut unready) = (None::<Instant>, None);
+        let moved = moving.move_while(motion, &mut || {
+            if looked.is_some_and(|looked| looked.elapsed() < LOOK) {
+                return Ok(());
+            }
+            looked = Some(Instant::now());
+            let state = waiting.state();
+            let idle = state.and_then(|state| match state.status {
+                ArmStatus::Idle => Ok(()),
+                status => Err(ArmError::Stopped { address: ITS_CONTROLLER.to_owned(), status }),
+            });
+            idle.inspect_err(|fault| unready = Some(fault.clone()))
+        });
+        match (moved, unready) {
+            (Ok(_), _) => Ok(()),
+            // The moving arm failed because the waiting one did; that it was then not stopped weighs more.
+            (Err(fault), Some(unready)) if !matches!(fault, ArmError::NotStopped { .. }) => {
+                Err(named(1 - arm, unready))
+            }
+            (Err(fault), _) => Err(named(arm, fault)),
+        }
     }
 
     /// The waypoint of a view or light of the session.

@@ -12,8 +12,10 @@ use super::planned_motion::PlannedMotion;
 const ARRIVED: f64 = 1e-3;
 /// An arm that moves less than this is still, radians.
 const STILL: f64 = 2e-4;
-/// A motion must begin within this.
+/// A motion must begin within this, or within the time that a reply may take.
 const BEGIN: Duration = Duration::from_secs(3);
+/// A motion may take so much longer than twice its time.
+const SLACK: Duration = Duration::from_secs(5);
 /// A stop must be over within this.
 const STOP: Duration = Duration::from_secs(3);
 
@@ -45,8 +47,21 @@ impl<C: Controller> Arm for C {
         self.state_now()
     }
 
-    fn move_along(&mut self, motion: &PlannedMotion) -> Result<ArmState, ArmError> {
-        follow(self, motion)
+    fn move_while(
+        &mut self,
+        motion: &PlannedMotion,
+        go_on: &mut dyn FnMut() -> Result<(), ArmError>,
+    ) -> Result<ArmState, ArmError> {
+        let state = self.state_now()?;
+        if state.status != ArmStatus::Idle {
+            return Err(stopped(self, state.status));
+        }
+        motion.check_start(&self.watched().address, &state.joints)?;
+        let arrived = self.begin(motion).and_then(|()| arrive(self, motion, &state.joints, go_on));
+        arrived.map_err(|cause| match stop(self) {
+            Ok(()) => cause,
+            Err(stop) => ArmError::NotStopped { cause: Box::new(cause), stop: Box::new(stop) },
+        })
     }
 
     fn stop(&mut self) -> Result<(), ArmError> {
@@ -62,19 +77,6 @@ impl Watch {
     fn after(&self, count: u64) -> Result<(u64, ArmState), ArmError> {
         self.feed.after(count, &self.address, self.limits.silence)
     }
-}
-
-fn follow(arm: &mut impl Controller, motion: &PlannedMotion) -> Result<ArmState, ArmError> {
-    let state = arm.state_now()?;
-    if state.status != ArmStatus::Idle {
-        return Err(stopped(arm, state.status));
-    }
-    motion.check_start(&arm.watched().address, &state.joints)?;
-    let arrived = arm.begin(motion).and_then(|()| arrive(arm, motion, &state.joints));
-    arrived.map_err(|cause| match stop(arm) {
-        Ok(()) => cause,
-        Err(stop) => ArmError::NotStopped { cause: Box::new(cause), stop: Box::new(stop) },
-    })
 }
 
 fn stop(arm: &mut impl Controller) -> Result<(), ArmError> {
@@ -111,16 +113,22 @@ impl Stillness {
 }
 
 /// `start` is where the arm stood before the order.
-fn arrive(arm: &mut impl Controller, motion: &PlannedMotion, start: &Joints) -> Result<ArmState, ArmError> {
+fn arrive(
+    arm: &mut impl Controller,
+    motion: &PlannedMotion,
+    start: &Joints,
+    go_on: &mut dyn FnMut() -> Result<(), ArmError>,
+) -> Result<ArmState, ArmError> {
     let begun = Instant::now();
     // The controller may choose to be slower than asked, not much.
-    let limit = motion.duration().saturating_mul(2).saturating_add(Duration::from_secs(5));
+    let limit = motion.duration().saturating_mul(2).saturating_add(SLACK.max(arm.watched().limits.reply));
     let (rest, rest_unseen) = (arm.watched().limits.rest, arm.watched().limits.rest.saturating_mul(3));
     let (mut count, state) = arm.watched().newest()?;
     let mut stillness = Stillness::new(state.joints);
     let mut has_moved = false;
     loop {
         arm.watch()?;
+        go_on()?;
         let (newer, state) = arm.watched().after(count)?;
         count = newer;
         let still = stillness.update(&state.joints);
@@ -144,8 +152,9 @@ fn arrive(arm: &mut impl Controller, motion: &PlannedMotion, start: &Joints) -> 
                 }
             }
             ArmStatus::Idle => {
-                if begun.elapsed() > BEGIN {
-                    return Err(late(arm, "beginning of the motion", BEGIN));
+                let begin = BEGIN.max(arm.watched().limits.reply);
+                if begun.elapsed() > begin {
+                    return Err(late(arm, "beginning of the motion", begin));
                 }
             }
             status => return Err(stopped(arm, status)),

@@ -67,3 +67,47 @@ impl Eye for VirtualEye {
         self.rig.shoot_from(&camera, light)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::VirtualCapture;
+    use super::*;
+    use crate::trajectory::Plan;
+
+    /// Pictures come from where the arms stand, whether that was foreseen or not.
+    #[test]
+    fn what_was_foreseen_is_a_matter_of_speed_alone() {
+        let capture = VirtualCapture {
+            object: "wheel".to_owned(),
+            views: 2,
+            lights: 3,
+            width: 24,
+            height: 18,
+            samples: 4,
+            seed: 7,
+        };
+        let plan = Plan::new(&capture.plan_settings()).unwrap();
+        let arms = capture.arms().cell(plan.object).unwrap().arms().clone();
+        let joints = [&plan.camera, &plan.light].map(|trajectory| trajectory.waypoints.iter());
+        let foreseen: [Vec<Joints>; 2] = std::array::from_fn(|arm| {
+            let reach = |pose| arms[arm].reach(pose, &arms[arm].model.upright).unwrap()[0];
+            joints[arm].clone().map(|waypoint| reach(&waypoint.pose)).collect()
+        });
+        let mut foreseeing = capture.eye(arms.clone(), foreseen.clone()).unwrap();
+        let mut alone = capture.eye(arms, [Vec::new(), Vec::new()]).unwrap();
+        let mut seen = Vec::new();
+        for (view, light) in [(0, 1), (0, 2), (1, 2), (0, 1)] {
+            let there = Stance { view, light, joints: [foreseen[CAMERA][view], foreseen[LIGHT][light]] };
+            let mut beside = there;
+            beside.joints[LIGHT][0] += 0.02;
+            for stance in [there, beside] {
+                let picture = foreseeing.shoot(&stance).unwrap();
+                assert_eq!(picture, alone.shoot(&stance).unwrap(), "{view} {light}");
+                seen.push(picture);
+            }
+        }
+        assert_ne!(seen[0], seen[1], "the lamp has moved");
+        assert_ne!(seen[0], seen[2]);
+        assert_eq!(seen[0], seen[6]);
+    }
+}

@@ -1,6 +1,7 @@
 //! `relight capture run` with arms: real ones, or simulated ones.
 
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::ops::ControlFlow;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use anyhow::{Context, bail, ensure};
 use relight_capture::calibration::{Calibration, load};
@@ -13,7 +14,7 @@ use relight_capture::robot::DryRun;
 use relight_capture::session::{Ending, Shots};
 use relight_scene::{Intrinsics, Pose};
 
-use super::run::{Job, VIRTUAL, headline, time};
+use super::run::{Job, headline, time};
 use crate::console::print_line;
 
 pub fn run(job: &Job, quiet: bool) -> anyhow::Result<()> {
@@ -48,12 +49,10 @@ struct Session<'a> {
 impl Session<'_> {
     fn run(&self, calibration: Option<(Calibration, u64)>, quiet: bool) -> anyhow::Result<()> {
         let job = self.job;
-        let simulated = match &job.file.controllers {
-            None if self.is_virtual => {
-                Some(SimulatedArms::start(&self.prepared.itinerary, &self.arms, job.args.seed)?)
-            }
-            _ => None,
-        };
+        let simulated = self
+            .is_simulated()
+            .then(|| SimulatedArms::start(&self.prepared.itinerary, &self.arms, job.args.seed))
+            .transpose()?;
         let foreseen = simulated.as_ref().map(|simulated| self.foreseen(simulated));
         let shots = self.shots(calibration, foreseen.as_ref())?;
         // Cameras are opened before arms are spoken to.
@@ -168,10 +167,15 @@ impl Session<'_> {
         Ok(rig.map_err(SetupError::from)?)
     }
 
+    /// Whether the arms are simulated in this process.
+    fn is_simulated(&self) -> bool {
+        self.is_virtual && self.job.file.controllers.is_none()
+    }
+
     /// How the arms move; nothing swings on where nothing is.
     fn pace(&self) -> Pace {
         let pace = self.job.file.pace();
-        if self.job.args.rig == VIRTUAL { Pace { settle: std::time::Duration::ZERO, ..pace } } else { pace }
+        if self.is_simulated() { Pace { settle: Duration::ZERO, ..pace } } else { pace }
     }
 
     /// Goes through the whole session with arms that do not exist.
@@ -185,7 +189,7 @@ impl Session<'_> {
         let shots =
             self.prepared.shots(&self.job.file, lens.clone(), |arm, label| itinerary.pose(arm, label));
         let mut rig = self.rig(arms, Box::new(NoEye))?;
-        let walked = walk(&mut rig, &shots, &mut |_| std::ops::ControlFlow::Continue(()))?;
+        let walked = walk(&mut rig, &shots, &mut |_| ControlFlow::Continue(()))?;
         let size = match &self.job.file.photographs {
             Some(Photographs::Folder { size, .. }) => *size,
             _ => [lens.width, lens.height],

@@ -19,7 +19,7 @@ use crate::commands::render::size;
 use crate::console::{Progress, cancel_flag, print_line, unless};
 
 /// The rig that needs no file.
-pub const VIRTUAL: &str = "virtual";
+const VIRTUAL: &str = "virtual";
 /// Size of virtual photographs.
 const SIZE: (u32, u32) = (320, 240);
 
