@@ -97,11 +97,12 @@ impl Itinerary {
     fn conflicts(&self) -> Vec<(usize, usize)> {
         let [views, lights] = &self.orders;
         let mut conflicts = Vec::new();
-        let camera = self.camera.is_reached();
+        let is_view_reached = self.camera.is_reached();
         for &view in views {
-            let light = self.light[station(view)].is_reached();
-            let is_met = |light_: &usize| !(camera[station(view)] && light[station(*light_)]);
-            conflicts.extend(lights.iter().filter(|light| is_met(light)).map(|&light| (view, light)));
+            let is_light_reached = self.light[station(view)].is_reached();
+            let is_met =
+                |light: &usize| !(is_view_reached[station(view)] && is_light_reached[station(*light)]);
+            conflicts.extend(lights.iter().copied().filter(is_met).map(|light| (view, light)));
         }
         conflicts
     }

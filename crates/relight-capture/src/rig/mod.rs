@@ -2,7 +2,7 @@
 //!
 //! A [`RigFile`] says where waypoints, arms and controllers are and what takes the photographs. [`Prepared`] plans everything
 //! before anything moves: an [`Itinerary`] holds, for each place of the one arm, the [`Roadmap`] of motions that are free for
-//! the other. An [`ArmsRig`] goes along them and nowhere else, and is what a session drives; [`walk`] drives it without a
+//! the other. An [`ArmsRig`] goes along them and nowhere else, and is what a session drives; [`walk()`] drives it without a
 //! camera, a [`HandRig`] is a camera without arms.
 //!
 //! One arm moves at a time: the camera while the light is at home, the light while the camera stands. A rig is

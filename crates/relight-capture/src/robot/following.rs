@@ -71,11 +71,11 @@ impl<C: Controller> Arm for C {
 
 impl Watch {
     pub fn newest(&self) -> Result<(u64, ArmState), ArmError> {
-        self.feed.newest(&self.address, self.limits.silence)
+        self.feed.newest(self.limits.silence)
     }
 
     fn after(&self, count: u64) -> Result<(u64, ArmState), ArmError> {
-        self.feed.after(count, &self.address, self.limits.silence)
+        self.feed.after(count, self.limits.silence)
     }
 }
 

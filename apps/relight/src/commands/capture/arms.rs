@@ -54,7 +54,13 @@ impl Session<'_> {
             .then(|| SimulatedArms::start(&self.prepared.itinerary, &self.arms, job.args.seed))
             .transpose()?;
         let foreseen = simulated.as_ref().map(|simulated| self.foreseen(simulated));
-        let shots = self.shots(calibration, foreseen.as_ref())?;
+        if let Some((_, made)) = &calibration
+            && !quiet
+        {
+            let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
+            eprintln!("calibrated {} ago", time(now.saturating_sub(*made) as f64));
+        }
+        let shots = self.shots(calibration.map(|(calibration, _)| calibration), foreseen.as_ref())?;
         // Cameras are opened before arms are spoken to.
         let eye = self.eye(foreseen)?;
         let connected = self.connect(simulated.as_ref())?;
@@ -85,7 +91,7 @@ impl Session<'_> {
 
     fn shots(
         &self,
-        calibration: Option<(Calibration, u64)>,
+        calibration: Option<Calibration>,
         foreseen: Option<&[Vec<Joints>; 2]>,
     ) -> anyhow::Result<Shots> {
         let (file, prepared) = (&self.job.file, &self.prepared);
@@ -93,7 +99,7 @@ impl Session<'_> {
         if self.job.args.skip_camera {
             return Ok(prepared.shots(file, self.job.virtual_capture.lens(), planned));
         }
-        let Some((calibration, made)) = calibration else {
+        let Some(calibration) = calibration else {
             let lens = self.uncalibrated_lens()?;
             // Only the virtual rig knows better than its plan.
             return Ok(prepared.shots(file, lens, |arm, label| match foreseen {
@@ -105,8 +111,6 @@ impl Session<'_> {
             }));
         };
         let poses: Box<dyn Fn(usize, usize) -> Pose> = Box::new(prepared.calibrated(&calibration)?);
-        let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
-        tracing::info!("calibrated {} ago", time(now.saturating_sub(made) as f64));
         for waypoint in calibration.waypoints.iter().filter(|waypoint| waypoint.is_bad) {
             tracing::warn!("camera waypoint {} is badly calibrated; calibrate it again", waypoint.label);
         }
