@@ -62,7 +62,11 @@ fn arms_that_are_given_are_asked_what_they_reach() {
     let folder = tempfile::tempdir().unwrap();
     let help = String::from_utf8(plan(folder.path(), "--help").stdout).unwrap();
     let (_, arms) = help.split_once("virtual rig does:").unwrap();
+    let (arms, _) = arms.split_once("`relight capture run").unwrap();
     fs::write(folder.path().join("rig.toml"), arms).unwrap();
+    let said = String::from_utf8(plan(folder.path(), "--rig rig.toml --out plan.json").stdout).unwrap();
+    assert!(said.contains("camera 50 of 50") && said.contains("light  40 of 40"), "{said}");
+    fs::write(folder.path().join("rig.toml"), arms.replace("-0.124, 0.464, 0.03", "0.0, 0.45, 0.0")).unwrap();
     let output = plan(folder.path(), "--rig rig.toml --out plan.json --picture plan.png");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let said = String::from_utf8(output.stdout).unwrap();

@@ -3,15 +3,17 @@
 // Helpers outside of test functions.
 #![allow(clippy::unwrap_used)]
 
-use std::collections::BTreeMap;
+mod common;
+
 use std::fs;
-use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::thread::sleep;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use relight_scene::{Scene, Splits};
 use tempfile::TempDir;
+
+use common::contents;
 
 /// A capture that takes a second or two.
 const SMALL: &str = "capture run --object wheel --views 6 --lights 5 --size 40x30 --samples 8";
@@ -37,44 +39,42 @@ fn fail(folder: &TempDir, arguments: &str) -> String {
     String::from_utf8(output.stderr).unwrap()
 }
 
-/// Every file of a folder.
-fn contents(folder: &Path) -> BTreeMap<String, Vec<u8>> {
-    let mut found = BTreeMap::new();
-    for entry in fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        let name = path.file_name().unwrap().to_string_lossy().into_owned();
-        if path.is_dir() {
-            found
-                .extend(contents(&path).into_iter().map(|(inner, bytes)| (format!("{name}/{inner}"), bytes)));
-        } else {
-            found.insert(name, fs::read(&path).unwrap());
-        }
-    }
-    found
-}
-
-#[test]
-fn a_session_killed_at_twenty_moments_ends_as_one_that_never_was() {
+/// A session that is killed again and again, at moments that may depend on how long a whole one takes.
+fn kill(moments: impl Fn(Duration) -> Vec<Duration>, more: &str) {
     let folder = folder();
-    let straight = run(&folder, &format!("{SMALL} --out straight"));
+    let begun = Instant::now();
+    let straight = run(&folder, &format!("{SMALL} --out straight {more}"));
+    let whole = begun.elapsed();
     assert!(straight.status.success(), "{}", String::from_utf8_lossy(&straight.stderr));
     let scene = Scene::open(&folder.path().join("straight")).unwrap();
     assert_eq!((scene.cameras.len(), scene.lights.len(), scene.frames.len()), (6, 5, 30));
     assert!(!Splits::of(&scene).unwrap().hard.is_empty());
-    let kill_after = |milliseconds: u64| {
-        let mut child = command(&folder, &format!("{SMALL} --out killed --resume --quiet")).spawn().unwrap();
-        sleep(Duration::from_millis(milliseconds));
+    let kill_after = |moment: Duration| {
+        let arguments = format!("{SMALL} --out killed --resume --quiet {more}");
+        let mut child = command(&folder, &arguments).spawn().unwrap();
+        sleep(moment);
         child.kill().unwrap();
         child.wait().unwrap();
     };
-    // Moments that are spread over all that happens, however fast the machine is: most come before the end.
-    (0..20).for_each(|i| kill_after(3 + 37 * i % 191));
-    let rest = run(&folder, &format!("{SMALL} --out killed --resume"));
+    moments(whole).into_iter().for_each(kill_after);
+    let rest = run(&folder, &format!("{SMALL} --out killed --resume {more}"));
     assert!(rest.status.success(), "{}", String::from_utf8_lossy(&rest.stderr));
     let (straight, killed) =
         (contents(&folder.path().join("straight")), contents(&folder.path().join("killed")));
     assert_eq!(killed.keys().collect::<Vec<_>>(), straight.keys().collect::<Vec<_>>());
     assert!(killed == straight);
+}
+
+#[test]
+fn a_session_killed_at_twenty_moments_ends_as_one_that_never_was() {
+    // Moments that are spread over all that happens, however fast the machine is: most come before the end.
+    kill(|_| (0..20).map(|i| Duration::from_millis(3 + 37 * i % 191)).collect(), "--skip-robots");
+}
+
+#[test]
+fn so_does_one_with_arms() {
+    // Planning comes first, and takes some of the time.
+    kill(|whole| [4, 2, 6, 3, 5].map(|eighths| whole * eighths / 8).to_vec(), "");
 }
 
 #[test]

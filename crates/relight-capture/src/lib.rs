@@ -10,6 +10,7 @@
 pub mod calibration;
 pub mod camera;
 pub mod kinematics;
+pub mod rig;
 pub mod robot;
 pub mod session;
 pub mod trajectory;

@@ -7,7 +7,7 @@ use relight_capture::kinematics::{ArmPlace, ArmsSettings, CellError, Make};
 use relight_capture::trajectory::{Plan, PlanSettings};
 
 fn arms(light: [f64; 3]) -> ArmsSettings {
-    let place = |model, base_metres| ArmPlace { model, base_metres, yaw_degrees: 0.0 };
+    let place = |model, base_metres| ArmPlace { model, base_metres, yaw_degrees: 0.0, home_degrees: None };
     ArmsSettings {
         camera: place(Make::Ec66, [0.0, -1.0, 0.0]),
         light: place(Make::Ur5e, light),
@@ -20,7 +20,7 @@ fn arms(light: [f64; 3]) -> ArmsSettings {
 fn reached(arms: &ArmsSettings) -> [Plan; 2] {
     let before = Plan::new(&PlanSettings::default()).unwrap();
     let mut plan = before.clone();
-    arms.cell(plan.object).unwrap().reach_plan(&mut plan).unwrap();
+    arms.cell(plan.object).unwrap().reach_plan(&mut plan, &arms.homes()).unwrap();
     [plan, before]
 }
 

@@ -17,6 +17,7 @@ const LIMITS: TimeLimits = TimeLimits {
     connect: Duration::from_secs(2),
     reply: Duration::from_millis(700),
     silence: Duration::from_millis(1500),
+    rest: Duration::from_millis(100),
 };
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,7 +38,7 @@ impl Make {
 
     fn simulate(self, faults: &[&str], time_scale: f64) -> SimulatedController {
         let faults = faults.iter().map(|fault| fault.parse().unwrap()).collect();
-        let settings = SimulationSettings { seed: 3, faults, time_scale, joints: None };
+        let settings = SimulationSettings { seed: 3, faults, time_scale, ..SimulationSettings::default() };
         match self {
             Make::Ur => SimulatedController::ur5e(&UrAddresses::parse("127.0.0.1:0").unwrap(), settings),
             Make::Elite => {
@@ -109,6 +110,24 @@ fn motions_take_the_time_that_they_are_planned_to() {
         arm.move_along(&plan.motions()[0]).unwrap();
         // Never faster: a lower bound holds on a busy machine too.
         assert!(begun.elapsed() >= plan.motions()[0].duration(), "{make:?}");
+    }
+}
+
+#[test]
+fn a_motion_that_must_not_go_on_is_stopped_on_the_way() {
+    for make in MAKES {
+        let controller = make.simulate(&[], 1.0);
+        let mut arm = make.connect(&controller).unwrap();
+        // Some five seconds.
+        let plan = plan_at(JointSpeed { speed: 0.2, acceleration: 1.0 }, make.home(), &[0.0, 1.0]);
+        let begun = Instant::now();
+        let wrong = ArmError::Stopped { address: "the other".to_owned(), status: ArmStatus::EmergencyStop };
+        let mut go_on =
+            || if begun.elapsed() < Duration::from_millis(300) { Ok(()) } else { Err(wrong.clone()) };
+        assert_eq!(arm.move_while(&plan.motions()[0], &mut go_on), Err(wrong.clone()), "{make:?}");
+        let stands = arm.state().unwrap();
+        let behind = difference(&stands.joints, plan.motions()[0].from());
+        assert!(stands.status == ArmStatus::Idle && behind < 0.9, "{make:?}: {behind}");
     }
 }
 

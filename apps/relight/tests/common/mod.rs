@@ -3,6 +3,7 @@
 // Each test uses a part of it, outside of test functions.
 #![allow(dead_code, clippy::unwrap_used)]
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -16,6 +17,22 @@ use tempfile::TempDir;
 pub const TINY: &str = "rays-per-step = 32\nlights-per-ray = 2\nepoch = 10\nreport-every = 5\n\
     [sampling.guided]\nsamples = 8\n\
     [grid]\nlevels = 4\nfeatures = 2\nlog2_table = 10\nbase = 4\nfinest = 16\n";
+
+/// Every file of a folder.
+pub fn contents(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        if path.is_dir() {
+            found
+                .extend(contents(&path).into_iter().map(|(inner, bytes)| (format!("{name}/{inner}"), bytes)));
+        } else {
+            found.insert(name, fs::read(&path).unwrap());
+        }
+    }
+    found
+}
 
 /// A folder of the test's own, with a scene of 8 views x 6 lights at 24x18.
 pub struct Workshop {

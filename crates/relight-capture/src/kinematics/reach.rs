@@ -38,6 +38,9 @@ pub struct ArmPlace {
     /// Turn of the base about +Z.
     #[serde(default)]
     pub yaw_degrees: f64,
+    /// Joints where the arm is out of the way of everything and waits for the other; upright if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub home_degrees: Option<Joints>,
 }
 
 /// A make of arms.
@@ -81,30 +84,44 @@ impl ArmsSettings {
             [self.camera.arm("camera arm", Tool::camera()), self.light.arm("light arm", Tool::light())];
         Cell::new(arms, Some(self.table_metres), Some(object), self.clearance_metres)
     }
+
+    /// Where both arms wait, radians.
+    pub fn homes(&self) -> [Joints; 2] {
+        [&self.camera, &self.light].map(|place| {
+            let given = place.home_degrees.map(|home| home.map(f64::to_radians));
+            given.unwrap_or(place.model.model().upright)
+        })
+    }
 }
 
 impl Cell<2> {
     /// Marks the waypoints of a plan that the camera's arm (the first) and the light's (the second) cannot go to, with the
-    /// reason, and orders the others by how far joints turn. While one arm moves the other stands upright.
+    /// reason, and orders the others by how far joints turn. While one arm moves the other stands at home. Returns the
+    /// joints at the waypoints that are reached, by label.
     ///
     /// # Errors
-    /// If the arms cannot stand upright.
-    pub fn reach_plan(&self, plan: &mut Plan) -> Result<(), RouteError> {
-        self.reach_all(0, &mut plan.camera, |pose| vec![*pose])?;
-        self.reach_all(1, &mut plan.light, |pose| Route::rolled(pose, LAMP_ROLLS))
+    /// If the arms cannot stand at home.
+    pub fn reach_plan(
+        &self,
+        plan: &mut Plan,
+        homes: &[Joints; 2],
+    ) -> Result<[HashMap<usize, Joints>; 2], RouteError> {
+        let camera = self.reach_all(0, &mut plan.camera, homes, |pose| vec![*pose])?;
+        let light = self.reach_all(1, &mut plan.light, homes, |pose| Route::rolled(pose, LAMP_ROLLS))?;
+        Ok([camera, light])
     }
 
     fn reach_all(
         &self,
         arm: usize,
         trajectory: &mut Trajectory,
+        homes: &[Joints; 2],
         poses: impl Fn(&Pose) -> Vec<Pose>,
-    ) -> Result<(), RouteError> {
-        let start = self.arms().each_ref().map(|arm| arm.model.upright);
+    ) -> Result<HashMap<usize, Joints>, RouteError> {
         let route = |trajectory: &Trajectory| {
             let waypoints: Vec<Vec<Pose>> =
                 trajectory.visited().map(|waypoint| poses(&waypoint.pose)).collect();
-            Route::plan(self, arm, &start, &start[arm], &waypoints)
+            Route::plan(self, arm, homes, &homes[arm], &waypoints)
         };
         let first = route(trajectory)?;
         let mut joints: HashMap<usize, Joints> = HashMap::new();
@@ -127,7 +144,9 @@ impl Cell<2> {
         if !is_whole || second.travel > first.travel {
             trajectory.order = by_distance.order;
             trajectory.order.retain(|label| joints.contains_key(label));
+            return Ok(joints);
         }
-        Ok(())
+        let stops = trajectory.order.iter().zip(second.stops);
+        Ok(stops.filter_map(|(&label, stop)| Some((label, stop.joints()?))).collect())
     }
 }

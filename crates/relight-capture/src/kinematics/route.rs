@@ -33,6 +33,16 @@ pub enum Outcome {
     Unreached(Unreached),
 }
 
+impl Outcome {
+    /// Where the joints stand, if it is reached.
+    pub fn joints(&self) -> Option<Joints> {
+        match self {
+            Outcome::Reached { joints, .. } => Some(*joints),
+            Outcome::Unreached(_) => None,
+        }
+    }
+}
+
 /// Why a waypoint is left out. Where several poses or solutions fail for several reasons: that of the one that came
 /// farthest.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

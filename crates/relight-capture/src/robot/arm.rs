@@ -60,12 +60,24 @@ pub trait Arm: Send {
     /// If the link is lost or the controller does not make sense.
     fn state(&mut self) -> Result<ArmState, ArmError>;
 
-    /// Goes along `motion` and returns when the arm rests at its end.
+    /// Goes along `motion` and returns when the arm rests at its end. `go_on` is asked again and again on the way.
     ///
     /// # Errors
-    /// If the arm is not ready, not where the motion begins, or stopped on the way. The arm was then told to stop;
-    /// [`ArmError::NotStopped`] says that it may not have heard.
-    fn move_along(&mut self, motion: &PlannedMotion) -> Result<ArmState, ArmError>;
+    /// If the arm is not ready, not where the motion begins, or stopped on the way; and that of `go_on`. The arm was then told to
+    /// stop; [`ArmError::NotStopped`] says that it may not have heard.
+    fn move_while(
+        &mut self,
+        motion: &PlannedMotion,
+        go_on: &mut dyn FnMut() -> Result<(), ArmError>,
+    ) -> Result<ArmState, ArmError>;
+
+    /// Goes along `motion`, as [`move_while`](Arm::move_while) does, whatever happens elsewhere.
+    ///
+    /// # Errors
+    /// As [`move_while`](Arm::move_while).
+    fn move_along(&mut self, motion: &PlannedMotion) -> Result<ArmState, ArmError> {
+        self.move_while(motion, &mut || Ok(()))
+    }
 
     /// Stops the arm and returns when it rests.
     ///

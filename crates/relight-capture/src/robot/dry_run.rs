@@ -36,8 +36,13 @@ impl Arm for DryRun {
         Ok(ArmState { joints: self.joints, status: ArmStatus::Idle })
     }
 
-    fn move_along(&mut self, motion: &PlannedMotion) -> Result<ArmState, ArmError> {
+    fn move_while(
+        &mut self,
+        motion: &PlannedMotion,
+        go_on: &mut dyn FnMut() -> Result<(), ArmError>,
+    ) -> Result<ArmState, ArmError> {
         motion.check_start(&self.name, &self.joints)?;
+        go_on()?;
         self.record.push(*motion);
         self.joints = *motion.to();
         self.state()

@@ -13,6 +13,8 @@ use super::link::Link;
 /// and so that a lost link is noticed between motions too.
 #[derive(Debug)]
 pub(super) struct Feed {
+    /// Where it comes from, for errors.
+    address: String,
     shared: Arc<Shared>,
     socket: TcpStream,
     reader: Option<JoinHandle<()>>,
@@ -45,7 +47,7 @@ impl Feed {
         mut link: Link,
         mut next: impl FnMut(&mut Link) -> Result<ArmState, ArmError> + Send + 'static,
     ) -> Result<Feed, ArmError> {
-        let socket = link.handle()?;
+        let (socket, address) = (link.handle()?, link.address().to_owned());
         let shared = Arc::new(Shared::default());
         let theirs = Arc::clone(&shared);
         let read = move || {
@@ -71,16 +73,16 @@ impl Feed {
                 }
             }
         };
-        Ok(Feed { shared, socket, reader: Some(thread::spawn(read)) })
+        Ok(Feed { address, shared, socket, reader: Some(thread::spawn(read)) })
     }
 
     /// The newest state, and its number. It is as old as the limit on silence at most.
-    pub fn newest(&self, address: &str, limit: Duration) -> Result<(u64, ArmState), ArmError> {
-        self.after(0, address, limit)
+    pub fn newest(&self, limit: Duration) -> Result<(u64, ArmState), ArmError> {
+        self.after(0, limit)
     }
 
     /// The newest state, once it has a number above `count`.
-    pub fn after(&self, count: u64, address: &str, limit: Duration) -> Result<(u64, ArmState), ArmError> {
+    pub fn after(&self, count: u64, limit: Duration) -> Result<(u64, ArmState), ArmError> {
         let deadline = Instant::now() + limit;
         let mut newest = self.shared.lock();
         loop {
@@ -95,7 +97,7 @@ impl Feed {
             let left = deadline.saturating_duration_since(Instant::now());
             if left.is_zero() {
                 let reason = format!("no state for {:.1} s", limit.as_secs_f64());
-                return Err(ArmError::LinkLost { address: address.to_owned(), reason });
+                return Err(ArmError::LinkLost { address: self.address.clone(), reason });
             }
             newest = match self.shared.changed.wait_timeout(newest, left) {
                 Ok((newest, _)) => newest,

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use super::arm::{ArmState, ArmStatus, Joints, largest_difference};
+use super::arm::{Arm, ArmState, ArmStatus, Joints, largest_difference};
 use super::error::ArmError;
 use super::feed::Feed;
 use super::link::TimeLimits;
@@ -12,22 +12,26 @@ use super::planned_motion::PlannedMotion;
 const ARRIVED: f64 = 1e-3;
 /// An arm that moves less than this is still, radians.
 const STILL: f64 = 2e-4;
-/// It must be still for so long to be at rest.
-const REST: Duration = Duration::from_millis(100);
-/// It must be still for so long when it was never seen to move: the order may be on its way.
-const REST_UNSEEN: Duration = Duration::from_millis(300);
-/// A motion must begin within this.
+/// A motion must begin within this, or within the time that a reply may take.
 const BEGIN: Duration = Duration::from_secs(3);
+/// A motion may take so much longer than twice its time.
+const SLACK: Duration = Duration::from_secs(5);
 /// A stop must be over within this.
 const STOP: Duration = Duration::from_secs(3);
 
-/// What differs from make to make.
-pub(super) trait Controller {
+/// What every driver has.
+#[derive(Debug)]
+pub(super) struct Watch {
     /// Where errors say that they come from.
-    fn address(&self) -> &str;
-    fn limits(&self) -> &TimeLimits;
+    pub address: String,
+    pub limits: TimeLimits,
     /// States as they come. They may not know about remote control.
-    fn feed(&self) -> &Feed;
+    pub feed: Feed,
+}
+
+/// What differs from make to make.
+pub(super) trait Controller: Send {
+    fn watched(&self) -> &Watch;
     /// The state now, remote control included.
     fn state_now(&mut self) -> Result<ArmState, ArmError>;
     /// Orders a motion.
@@ -38,33 +42,55 @@ pub(super) trait Controller {
     fn order_stop(&mut self) -> Result<(), ArmError>;
 }
 
-/// See [`super::Arm::move_along`].
-pub(super) fn follow(arm: &mut impl Controller, motion: &PlannedMotion) -> Result<ArmState, ArmError> {
-    let state = arm.state_now()?;
-    if state.status != ArmStatus::Idle {
-        return Err(stopped(arm, state.status));
+impl<C: Controller> Arm for C {
+    fn state(&mut self) -> Result<ArmState, ArmError> {
+        self.state_now()
     }
-    motion.check_start(arm.address(), &state.joints)?;
-    let arrived = arm.begin(motion).and_then(|()| arrive(arm, motion));
-    arrived.map_err(|cause| match stop(arm) {
-        Ok(()) => cause,
-        Err(stop) => ArmError::NotStopped { cause: Box::new(cause), stop: Box::new(stop) },
-    })
+
+    fn move_while(
+        &mut self,
+        motion: &PlannedMotion,
+        go_on: &mut dyn FnMut() -> Result<(), ArmError>,
+    ) -> Result<ArmState, ArmError> {
+        let state = self.state_now()?;
+        if state.status != ArmStatus::Idle {
+            return Err(stopped(self, state.status));
+        }
+        motion.check_start(&self.watched().address, &state.joints)?;
+        let arrived = self.begin(motion).and_then(|()| arrive(self, motion, &state.joints, go_on));
+        arrived.map_err(|cause| match stop(self) {
+            Ok(()) => cause,
+            Err(stop) => ArmError::NotStopped { cause: Box::new(cause), stop: Box::new(stop) },
+        })
+    }
+
+    fn stop(&mut self) -> Result<(), ArmError> {
+        stop(self)
+    }
 }
 
-/// See [`super::Arm::stop`].
-pub(super) fn stop(arm: &mut impl Controller) -> Result<(), ArmError> {
+impl Watch {
+    pub fn newest(&self) -> Result<(u64, ArmState), ArmError> {
+        self.feed.newest(self.limits.silence)
+    }
+
+    fn after(&self, count: u64) -> Result<(u64, ArmState), ArmError> {
+        self.feed.after(count, self.limits.silence)
+    }
+}
+
+fn stop(arm: &mut impl Controller) -> Result<(), ArmError> {
     let ordered = arm.order_stop();
     // Whoever does not take the order may stand all the same: stopped by its own safety, or by hand.
     rest(arm).map_err(|unseen| ordered.err().unwrap_or(unseen))
 }
 
 fn stopped(arm: &impl Controller, status: ArmStatus) -> ArmError {
-    ArmError::Stopped { address: arm.address().to_owned(), status }
+    ArmError::Stopped { address: arm.watched().address.clone(), status }
 }
 
 fn late(arm: &impl Controller, awaited: &'static str, limit: Duration) -> ArmError {
-    ArmError::TimedOut { address: arm.address().to_owned(), awaited, seconds: limit.as_secs_f64() }
+    ArmError::TimedOut { address: arm.watched().address.clone(), awaited, seconds: limit.as_secs_f64() }
 }
 
 /// Since when the joints have not moved.
@@ -86,34 +112,49 @@ impl Stillness {
     }
 }
 
-fn arrive(arm: &mut impl Controller, motion: &PlannedMotion) -> Result<ArmState, ArmError> {
+/// `start` is where the arm stood before the order.
+fn arrive(
+    arm: &mut impl Controller,
+    motion: &PlannedMotion,
+    start: &Joints,
+    go_on: &mut dyn FnMut() -> Result<(), ArmError>,
+) -> Result<ArmState, ArmError> {
     let begun = Instant::now();
     // The controller may choose to be slower than asked, not much.
-    let limit = motion.duration().saturating_mul(2).saturating_add(Duration::from_secs(5));
-    let (mut count, state) = arm.feed().newest(arm.address(), arm.limits().silence)?;
+    let limit = motion.duration().saturating_mul(2).saturating_add(SLACK.max(arm.watched().limits.reply));
+    let (rest, rest_unseen) = (arm.watched().limits.rest, arm.watched().limits.rest.saturating_mul(3));
+    let (mut count, state) = arm.watched().newest()?;
     let mut stillness = Stillness::new(state.joints);
     let mut has_moved = false;
     loop {
         arm.watch()?;
-        let (newer, state) = arm.feed().after(count, arm.address(), arm.limits().silence)?;
+        go_on()?;
+        let (newer, state) = arm.watched().after(count)?;
         count = newer;
         let still = stillness.update(&state.joints);
         let (joint, difference) = largest_difference(&state.joints, motion.to());
+        // A short motion may be over before it is seen.
+        has_moved |= largest_difference(&state.joints, start).1 > ARRIVED;
         match state.status {
             ArmStatus::Running => has_moved = true,
             ArmStatus::Idle if difference <= ARRIVED => {
-                if still >= if has_moved { REST } else { REST_UNSEEN } {
+                if still >= if has_moved { rest } else { rest_unseen } {
                     return Ok(state);
                 }
             }
             ArmStatus::Idle if has_moved => {
-                if still >= REST_UNSEEN {
-                    return Err(ArmError::NotAtEnd { address: arm.address().to_owned(), joint, difference });
+                if still >= rest_unseen {
+                    return Err(ArmError::NotAtEnd {
+                        address: arm.watched().address.clone(),
+                        joint,
+                        difference,
+                    });
                 }
             }
             ArmStatus::Idle => {
-                if begun.elapsed() > BEGIN {
-                    return Err(late(arm, "beginning of the motion", BEGIN));
+                let begin = BEGIN.max(arm.watched().limits.reply);
+                if begun.elapsed() > begin {
+                    return Err(late(arm, "beginning of the motion", begin));
                 }
             }
             status => return Err(stopped(arm, status)),
@@ -127,13 +168,15 @@ fn arrive(arm: &mut impl Controller, motion: &PlannedMotion) -> Result<ArmState,
 /// Waits until the arm neither moves nor is about to.
 fn rest(arm: &impl Controller) -> Result<(), ArmError> {
     let ordered = Instant::now();
-    let (mut count, state) = arm.feed().newest(arm.address(), arm.limits().silence)?;
+    let (mut count, state) = arm.watched().newest()?;
     let mut stillness = Stillness::new(state.joints);
     loop {
-        let (newer, state) = arm.feed().after(count, arm.address(), arm.limits().silence)?;
+        let (newer, state) = arm.watched().after(count)?;
         count = newer;
         let still = stillness.update(&state.joints);
-        if still >= REST && !matches!(state.status, ArmStatus::Running | ArmStatus::Paused) {
+        if still >= arm.watched().limits.rest
+            && !matches!(state.status, ArmStatus::Running | ArmStatus::Paused)
+        {
             return Ok(());
         }
         if ordered.elapsed() > STOP {

@@ -18,6 +18,9 @@ pub struct TimeLimits {
     pub reply: Duration,
     /// Between two messages of a stream. Without one for so long, the link counts as lost.
     pub silence: Duration,
+    /// Until an arm that does not move counts as resting. An arm that was never seen to move must be still three times as
+    /// long: the order may be on its way.
+    pub rest: Duration,
 }
 
 impl Default for TimeLimits {
@@ -26,6 +29,7 @@ impl Default for TimeLimits {
             connect: Duration::from_secs(3),
             reply: Duration::from_secs(2),
             silence: Duration::from_secs(1),
+            rest: Duration::from_millis(100),
         }
     }
 }

@@ -72,6 +72,14 @@ pub struct Shots {
     pub development: Development,
 }
 
+impl Shots {
+    /// The lights in the order of visit at the `i`-th view of the order of views: to and fro.
+    pub fn lights_of(&self, i: usize) -> Vec<usize> {
+        let forth = self.light_order.iter().copied();
+        if i.is_multiple_of(2) { forth.collect() } else { forth.rev().collect() }
+    }
+}
+
 /// How far a session is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Progress {
@@ -119,10 +127,8 @@ pub fn capture(
     let total = shots.view_order.len() * shots.light_order.len();
     let resumed = on_disk.len();
     for (i, &view) in shots.view_order.iter().enumerate() {
-        let forth = shots.light_order.iter().copied();
-        let lights: Vec<usize> = if i % 2 == 0 { forth.collect() } else { forth.rev().collect() };
-        let missing: Vec<usize> =
-            lights.into_iter().filter(|&light| !on_disk.contains(&(view, light))).collect();
+        let lights = shots.lights_of(i).into_iter();
+        let missing: Vec<usize> = lights.filter(|&light| !on_disk.contains(&(view, light))).collect();
         let mut arrived = false;
         for light in missing {
             if progress(Progress { done: on_disk.len(), resumed, total }).is_break() {

@@ -23,16 +23,33 @@ impl CaptureRig {
     pub fn new(rig: VirtualRig, cameras: Vec<Camera>, lights: Vec<Light>) -> CaptureRig {
         CaptureRig { rig, cameras, lights, view: 0, light: 0, photographs: Vec::new() }
     }
+
+    /// Turns to another view or light. Photographs of the same view are kept.
+    pub fn turn_to(&mut self, view: usize, light: usize) {
+        if view != self.view {
+            self.photographs.clear();
+        }
+        (self.view, self.light) = (view, light);
+    }
+
+    /// A photograph from elsewhere, which shares nothing with others.
+    pub fn shoot_from(&self, camera: &Camera, light: Light) -> Result<Frame, CameraError> {
+        let photograph = self.rig.photograph(camera, &[light]).pop();
+        photograph.map(Frame::Developed).ok_or_else(|| CameraError::Failed {
+            problem: "the path tracer made no picture".to_owned(),
+            mend: "Ask for one light at least.",
+        })
+    }
 }
 
 impl Rig for CaptureRig {
     fn view(&mut self, view: usize) -> Result<(), RigFault> {
-        (self.view, self.photographs) = (view, Vec::new());
+        self.turn_to(view, self.light);
         Ok(())
     }
 
     fn light(&mut self, light: usize) -> Result<(), RigFault> {
-        self.light = light;
+        self.turn_to(self.view, light);
         Ok(())
     }
 

@@ -36,6 +36,7 @@ pub mod stage;
 mod texture;
 mod transport;
 mod virtual_capture;
+mod virtual_eye;
 mod weave;
 
 pub use board::{PrintedBoard, charuco_board};
@@ -52,6 +53,7 @@ pub use solid::{Pattern, Solid};
 pub use stage::Stage;
 pub use texture::{Raster, Texture};
 pub use virtual_capture::{VirtualCapture, VirtualCaptureError};
+pub use virtual_eye::VirtualEye;
 pub use weave::Weave;
 
 use geometry::Geometry;

@@ -7,8 +7,9 @@ use std::path::Path;
 use relight_scene::{Camera, Intrinsics, Light, Pose};
 
 use super::objects::named;
-use super::{CaptureRig, Lamp, Model, RigError, Sensor, Settings, Stage, VirtualRig, read_model};
+use super::{CaptureRig, Lamp, Model, RigError, Sensor, Settings, Stage, VirtualEye, VirtualRig, read_model};
 use crate::camera::Development;
+use crate::kinematics::{Arm, ArmPlace, ArmsSettings, Joints, Make};
 use crate::session::{self, Ending, Progress, SessionError, Shots, Subject};
 use crate::trajectory::{Plan, PlanError, PlanSettings, Waypoint};
 
@@ -24,6 +25,12 @@ pub(super) const LENS: Intrinsics = Intrinsics {
 };
 /// Where its wedge of 57 degrees lies on the virtual stage: both walls are seen.
 pub(super) const AZIMUTH_DEGREES: [f64; 2] = [-73.5, -16.5];
+/// The paper's arms, from where they reach all its cameras and lights: the camera's before the open corner of the stage, the
+/// light's on a plinth in the corner of the walls.
+const CAMERA_ARM: ArmPlace =
+    ArmPlace { model: Make::Ec66, base_metres: [0.707, -0.707, 0.0], yaw_degrees: 45.0, home_degrees: None };
+const LIGHT_ARM: ArmPlace =
+    ArmPlace { model: Make::Ur5e, base_metres: [-0.34, 0.34, 0.03], yaw_degrees: 135.0, home_degrees: None };
 
 /// What is captured, and how finely. All numbers together make the capture what it is: equal ones, equal bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -64,17 +71,40 @@ impl VirtualCapture {
     /// # Errors
     /// As [`shoot`](VirtualCapture::shoot), but for those of the session.
     pub fn rehearse(&self) -> Result<Plan, VirtualCaptureError> {
-        self.model()?;
-        Ok(self.plan()?)
+        let plan = self.plan()?;
+        self.tracer(&self.model()?)?;
+        Ok(plan)
     }
 
     /// Where cameras and lights stand: on the domes of the paper's rig.
-    fn plan(&self) -> Result<Plan, PlanError> {
+    pub fn plan_settings(&self) -> PlanSettings {
         let mut settings = PlanSettings::default();
         settings.camera.waypoints = self.views;
         settings.camera.azimuth_degrees = AZIMUTH_DEGREES;
         settings.light.waypoints = self.lights;
-        Plan::new(&settings)
+        settings
+    }
+
+    fn plan(&self) -> Result<Plan, PlanError> {
+        Plan::new(&self.plan_settings())
+    }
+
+    /// Where the arms stand that carry camera and lamp.
+    pub fn arms(&self) -> ArmsSettings {
+        ArmsSettings { camera: CAMERA_ARM, light: LIGHT_ARM, table_metres: 0.0, clearance_metres: 0.01 }
+    }
+
+    /// The lens.
+    pub fn lens(&self) -> Intrinsics {
+        LENS.resized(self.width, self.height)
+    }
+
+    /// A camera on the first of two arms, a lamp on the second, before the object, as [`VirtualEye::new`] has it.
+    ///
+    /// # Errors
+    /// If the object or the rig cannot be.
+    pub fn eye(&self, arms: [Arm; 2], foreseen: [Vec<Joints>; 2]) -> Result<VirtualEye, VirtualCaptureError> {
+        Ok(VirtualEye::new(self.tracer(&self.model()?)?, self.lens(), arms, foreseen))
     }
 
     /// Captures into the folder `out`, as [`session::capture`] does.
@@ -108,7 +138,7 @@ impl VirtualCapture {
             waypoints.iter().map(|waypoint| waypoint.pose).collect()
         };
         Shots {
-            intrinsics: LENS.resized(self.width, self.height),
+            intrinsics: self.lens(),
             cameras: poses(&plan.camera.waypoints),
             lights: poses(&plan.light.waypoints),
             view_order: plan.camera.order.clone(),
@@ -117,9 +147,13 @@ impl VirtualCapture {
         }
     }
 
-    fn rig(&self, model: &Model, shots: &Shots) -> Result<CaptureRig, RigError> {
+    fn tracer(&self, model: &Model) -> Result<VirtualRig, RigError> {
         let settings = Settings { samples: self.samples, seed: self.seed, ..Settings::default() };
-        let rig = VirtualRig::new(model, Lamp::default(), Sensor::default(), settings)?;
+        VirtualRig::new(model, Lamp::default(), Sensor::default(), settings)
+    }
+
+    fn rig(&self, model: &Model, shots: &Shots) -> Result<CaptureRig, RigError> {
+        let rig = self.tracer(model)?;
         let intrinsics = || shots.intrinsics.clone();
         let cameras = shots.cameras.iter().enumerate();
         let lights = shots.lights.iter().enumerate();
@@ -131,7 +165,10 @@ impl VirtualCapture {
     }
 
     /// All that makes the photographs what they are.
-    fn subject(&self) -> Result<Subject, SessionError> {
+    ///
+    /// # Errors
+    /// If the object's file cannot be read.
+    pub fn subject(&self) -> Result<Subject, SessionError> {
         let mut subject = Subject::from_iter([
             ("rig".to_owned(), "virtual".into()),
             ("object".to_owned(), self.object.clone().into()),

@@ -4,9 +4,9 @@ use std::sync::atomic::Ordering;
 use std::thread;
 use std::time::Duration;
 
-use anyhow::Context;
+use anyhow::{Context, bail, ensure};
 use clap::ValueEnum;
-use relight_capture::robot::simulated::{Fault, SimulationSettings};
+use relight_capture::robot::simulated::{Fault, NoiseOf, SimulationSettings};
 use relight_capture::robot::{EliteAddresses, SimulatedController, UrAddresses};
 
 use crate::console::{cancel_flag, print_line};
@@ -38,9 +38,23 @@ pub struct Args {
     /// Seed of where exactly the arm comes to rest.
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
+    /// What that depends on, besides the seed: a real arm rests a little elsewhere after each motion.
+    #[arg(long, value_enum, value_name = "motion|target", default_value = "motion")]
+    noise_of: Of,
+    /// Where the arm stands at first, degrees; where its maker ships it if not given.
+    #[arg(long, value_name = "Q1,…,Q6", allow_hyphen_values = true, value_delimiter = ',')]
+    joints: Option<Vec<f64>>,
     /// Simulated seconds per second.
     #[arg(long, value_name = "F", default_value_t = 1.0, value_parser = time_scale)]
     time_scale: f64,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Of {
+    /// The number of the motion.
+    Motion,
+    /// Where it goes: the same each time.
+    Target,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -58,11 +72,21 @@ fn time_scale(words: &str) -> Result<f64, String> {
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let cancel = cancel_flag()?;
+    let degrees = args.joints.clone().map(<[f64; 6]>::try_from).transpose();
+    let Ok(joints) = degrees else { bail!("--joints: give six angles") };
+    ensure!(
+        joints.is_none_or(|joints| joints.iter().all(|q| q.abs() <= 360.0)),
+        "--joints: an angle is not from -360 to 360 degrees"
+    );
     let settings = SimulationSettings {
         seed: args.seed,
+        noise_of: match args.noise_of {
+            Of::Motion => NoiseOf::Motion,
+            Of::Target => NoiseOf::Target,
+        },
         time_scale: args.time_scale,
         faults: args.fault.clone(),
-        ..SimulationSettings::default()
+        joints: joints.map(|joints| joints.map(f64::to_radians)),
     };
     let controller = match args.make {
         Make::Ur => {

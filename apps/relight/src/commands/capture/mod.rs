@@ -1,5 +1,6 @@
 //! `relight capture`: plan, calibrate and shoot. One file a subcommand.
 
+mod arms;
 mod board;
 mod calibrate;
 mod controller;

@@ -1,17 +1,14 @@
 //! `relight capture plan`: where camera and light go, and in which order.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::Context;
 use relight_capture::kinematics::{ArmsSettings, Cell};
-use relight_capture::trajectory::{Plan, PlanSettings, Reach, Trajectory, picture};
-use relight_scene::read_text;
+use relight_capture::rig::{Itinerary, RigFile, SetupError};
+use relight_capture::trajectory::{Plan, Reach, Trajectory, picture};
 
 use crate::console::print_line;
 use crate::places;
-
-/// A rig file's longest length, bytes.
-const LONGEST_RIG: u64 = 1 << 20;
 
 /// Plan a capture: waypoints of camera and light on equal-area cells around the object, and a short way through them.
 ///
@@ -38,9 +35,11 @@ const LONGEST_RIG: u64 = 1 << 20;
                   taken to be reached, as the virtual rig does:\n\n  \
                   [arms]\n  \
                   camera = { model = \"ec66\", base-metres = [0.0, -1.0, 0.0], yaw-degrees = 0.0 }\n  \
-                  light = { model = \"ur5e\", base-metres = [0.0, 0.45, 0.0] }\n  \
+                  light = { model = \"ur5e\", base-metres = [-0.124, 0.464, 0.03] }\n  \
                   table-metres = 0.0                     # height of the table\n  \
-                  clearance-metres = 0.01                # how far all must stay from each other"
+                  clearance-metres = 0.01                # how far all must stay from each other\n  \
+                  # camera and light take home-degrees = [6 joints] too: where the arm waits; upright if left out\n\n\
+                  `relight capture run --help` shows the tables that shooting takes."
 )]
 pub struct Args {
     /// Where camera and light may stand, and the object: a TOML file.
@@ -58,33 +57,23 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     for path in [Some(&args.out), args.picture.as_ref()].into_iter().flatten() {
         places::check_file(path)?;
     }
-    let (settings, arms) = args.rig.as_deref().map(read_rig).transpose()?.unwrap_or_default();
+    let file = args.rig.as_deref().map(RigFile::read).transpose()?.unwrap_or_default();
     let named = || match &args.rig {
         Some(rig) => rig.display().to_string(),
         None => "the paper's rig".to_owned(),
     };
-    let mut plan = Plan::new(&settings).with_context(named)?;
-    let cell = arms.map(|arms| arms.cell(plan.object)).transpose().with_context(named)?;
-    if let Some(cell) = &cell {
-        cell.reach_plan(&mut plan).with_context(named)?;
-    }
+    let mut plan = Plan::new(&file.plan_settings()).with_context(named)?;
+    let planned = |arms: ArmsSettings| -> Result<Itinerary, SetupError> {
+        Ok(Itinerary::plan(arms.cell(plan.object)?, &arms.homes(), &mut plan)?)
+    };
+    let itinerary = file.arms.map(planned).transpose().with_context(named)?;
     plan.write(&args.out)?;
     if let Some(path) = &args.picture {
-        let [camera, light] = cell.as_ref().map(reaches).map_or([None, None], |reaches| reaches.map(Some));
+        let [camera, light] =
+            itinerary.as_ref().map(|it| reaches(it.cell())).map_or([None, None], |reaches| reaches.map(Some));
         picture(&plan, camera.as_ref(), light.as_ref()).write_png(path)?;
     }
     print_line(&format!("{}\n{}", told("camera", &plan.camera), told("light", &plan.light)))
-}
-
-/// What a rig file says of waypoints, and of arms if it does.
-fn read_rig(path: &Path) -> anyhow::Result<(PlanSettings, Option<ArmsSettings>)> {
-    let text = read_text(path, LONGEST_RIG)?;
-    let read = || -> Result<_, toml::de::Error> {
-        let mut table: toml::Table = toml::from_str(&text)?;
-        let arms = table.remove("arms").map(toml::Value::try_into).transpose()?;
-        Ok((table.try_into()?, arms))
-    };
-    read().with_context(|| path.display().to_string())
 }
 
 /// How far both arms reach with what they carry.

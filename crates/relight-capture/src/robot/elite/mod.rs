@@ -6,10 +6,10 @@ pub(super) mod monitor;
 use serde_json::{Value, json};
 
 use super::addresses::EliteAddresses;
-use super::arm::{Arm, ArmState};
+use super::arm::ArmState;
 use super::error::ArmError;
 use super::feed::Feed;
-use super::following::{self, Controller};
+use super::following::{Controller, Watch};
 use super::link::{Link, TimeLimits};
 use super::planned_motion::PlannedMotion;
 use json_rpc::JsonRpc;
@@ -23,9 +23,7 @@ const LEAST: f64 = 0.05;
 /// An arm of Elite's EC series (EC63, EC66, EC612) in remote mode.
 #[derive(Debug)]
 pub struct EliteArm {
-    addresses: EliteAddresses,
-    limits: TimeLimits,
-    feed: Feed,
+    watch: Watch,
     control: JsonRpc,
 }
 
@@ -43,7 +41,7 @@ impl EliteArm {
             let packet = link.take("state", limits.silence, monitor::packet_length)?;
             monitor::state(&packet).ok_or_else(|| link.fault("a packet that holds no state".to_owned()))
         })?;
-        Ok(EliteArm { addresses, limits, feed, control })
+        Ok(EliteArm { watch: Watch { address: addresses.control, limits, feed }, control })
     }
 
     /// Calls a method that answers whether it was done.
@@ -51,7 +49,7 @@ impl EliteArm {
         match self.control.call(method, parameters)? {
             Value::Bool(true) => Ok(()),
             answer => Err(ArmError::Refused {
-                address: self.addresses.control.clone(),
+                address: self.watch.address.clone(),
                 request: method.to_owned(),
                 answer: format!("it answered {answer}; see the pendant for the alarm"),
             }),
@@ -60,20 +58,12 @@ impl EliteArm {
 }
 
 impl Controller for EliteArm {
-    fn address(&self) -> &str {
-        &self.addresses.control
-    }
-
-    fn limits(&self) -> &TimeLimits {
-        &self.limits
-    }
-
-    fn feed(&self) -> &Feed {
-        &self.feed
+    fn watched(&self) -> &Watch {
+        &self.watch
     }
 
     fn state_now(&mut self) -> Result<ArmState, ArmError> {
-        Ok(self.feed.newest(&self.addresses.monitor, self.limits.silence)?.1)
+        Ok(self.watch.newest()?.1)
     }
 
     fn begin(&mut self, motion: &PlannedMotion) -> Result<(), ArmError> {
@@ -84,7 +74,7 @@ impl Controller for EliteArm {
         if percent < LEAST {
             let slowest = FULL_SPEED * LEAST / 100.0;
             return Err(ArmError::Refused {
-                address: self.addresses.control.clone(),
+                address: self.watch.address.clone(),
                 request: "moveByJoint".to_owned(),
                 answer: format!("it cannot go slower than {slowest:.4} rad/s; plan a faster motion"),
             });
@@ -102,21 +92,7 @@ impl Controller for EliteArm {
             return Ok(());
         }
         // The connection may be what is wrong.
-        self.control = JsonRpc::connect(&self.addresses.control, self.limits)?;
+        self.control = JsonRpc::connect(&self.watch.address, self.watch.limits)?;
         self.order("stop", json!({}))
-    }
-}
-
-impl Arm for EliteArm {
-    fn state(&mut self) -> Result<ArmState, ArmError> {
-        self.state_now()
-    }
-
-    fn move_along(&mut self, motion: &PlannedMotion) -> Result<ArmState, ArmError> {
-        following::follow(self, motion)
-    }
-
-    fn stop(&mut self) -> Result<(), ArmError> {
-        following::stop(self)
     }
 }

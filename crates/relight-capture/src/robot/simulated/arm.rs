@@ -122,7 +122,7 @@ impl SimulatedArm {
     pub fn new(model: &'static SimulatedModel, settings: &SimulationSettings) -> Self {
         Self {
             model,
-            repeatability: Repeatability::new(settings.seed),
+            repeatability: Repeatability::of(settings.noise_of, settings.seed),
             faults: settings.faults.clone(),
             started: Instant::now(),
             time_scale: settings.time_scale,

@@ -30,7 +30,7 @@ use super::arm::Joints;
 use arm::SimulatedArm;
 pub use fault::{Fault, FaultFault, FaultKind};
 pub use model::SimulatedModel;
-pub use repeatability::Repeatability;
+pub use repeatability::{NoiseOf, Repeatability};
 use server::{Simulation, Wire};
 
 /// How a simulated controller behaves.
@@ -38,6 +38,8 @@ use server::{Simulation, Wire};
 pub struct SimulationSettings {
     /// Seed of the noise of where it comes to rest.
     pub seed: u64,
+    /// What that noise depends on.
+    pub noise_of: NoiseOf,
     /// Simulated seconds per second.
     pub time_scale: f64,
     /// What goes wrong, and when.
@@ -48,7 +50,7 @@ pub struct SimulationSettings {
 
 impl Default for SimulationSettings {
     fn default() -> Self {
-        Self { seed: 0, time_scale: 1.0, faults: Vec::new(), joints: None }
+        Self { seed: 0, noise_of: NoiseOf::Motion, time_scale: 1.0, faults: Vec::new(), joints: None }
     }
 }
 

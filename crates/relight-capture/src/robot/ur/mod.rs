@@ -8,10 +8,9 @@ mod stream;
 use std::time::{Duration, Instant};
 
 use super::addresses::UrAddresses;
-use super::arm::{Arm, ArmState, ArmStatus};
+use super::arm::{ArmState, ArmStatus};
 use super::error::ArmError;
-use super::feed::Feed;
-use super::following::{self, Controller};
+use super::following::{Controller, Watch};
 use super::link::{Link, TimeLimits};
 use super::planned_motion::PlannedMotion;
 use dashboard::Dashboard;
@@ -22,9 +21,10 @@ const ASK_EVERY: Duration = Duration::from_millis(250);
 /// An arm of Universal Robots' e-Series (PolyScope 5.6 or later, which has remote control).
 #[derive(Debug)]
 pub struct UrArm {
-    addresses: UrAddresses,
-    limits: TimeLimits,
-    feed: Feed,
+    watch: Watch,
+    /// The addresses of the secondary interface and the dashboard.
+    script_at: String,
+    dashboard_at: String,
     dashboard: Dashboard,
     /// The last connection that took a script. It stays open until the next: closing it while the controller sends
     /// would reset it, and the script with it.
@@ -38,13 +38,15 @@ impl UrArm {
     /// # Errors
     /// If one of the three ports does not answer as it should.
     pub fn connect(addresses: UrAddresses, limits: TimeLimits) -> Result<UrArm, ArmError> {
-        let dashboard = Dashboard::connect(&addresses.dashboard, limits)?;
-        let feed = stream::open(&addresses.rtde, limits)?;
-        Ok(UrArm { addresses, limits, feed, dashboard, script: None, asked: Instant::now() })
+        let UrAddresses { rtde: address, script: script_at, dashboard: dashboard_at, .. } = addresses;
+        let dashboard = Dashboard::connect(&dashboard_at, limits)?;
+        let feed = stream::open(&address, limits)?;
+        let watch = Watch { address, limits, feed };
+        Ok(UrArm { watch, script_at, dashboard_at, dashboard, script: None, asked: Instant::now() })
     }
 
     fn run(&mut self, script: &str) -> Result<(), ArmError> {
-        let mut link = Link::connect(&self.addresses.script, "secondary interface", &self.limits)?;
+        let mut link = Link::connect(&self.script_at, "secondary interface", &self.watch.limits)?;
         link.send(script.as_bytes())?;
         self.script = Some(link);
         Ok(())
@@ -54,26 +56,18 @@ impl UrArm {
         if self.dashboard.is_remote()? {
             return Ok(());
         }
-        let address = self.addresses.dashboard.clone();
+        let address = self.dashboard_at.clone();
         Err(ArmError::Stopped { address, status: ArmStatus::NotInRemote })
     }
 }
 
 impl Controller for UrArm {
-    fn address(&self) -> &str {
-        &self.addresses.rtde
-    }
-
-    fn limits(&self) -> &TimeLimits {
-        &self.limits
-    }
-
-    fn feed(&self) -> &Feed {
-        &self.feed
+    fn watched(&self) -> &Watch {
+        &self.watch
     }
 
     fn state_now(&mut self) -> Result<ArmState, ArmError> {
-        let (_, state) = self.feed.newest(&self.addresses.rtde, self.limits.silence)?;
+        let (_, state) = self.watch.newest()?;
         let is_well = matches!(state.status, ArmStatus::Idle | ArmStatus::Running);
         if is_well && !self.dashboard.is_remote()? {
             return Ok(ArmState { status: ArmStatus::NotInRemote, ..state });
@@ -98,19 +92,5 @@ impl Controller for UrArm {
         let by_script = self.run(script::STOP);
         let by_dashboard = self.dashboard.stop();
         by_script.and(by_dashboard)
-    }
-}
-
-impl Arm for UrArm {
-    fn state(&mut self) -> Result<ArmState, ArmError> {
-        self.state_now()
-    }
-
-    fn move_along(&mut self, motion: &PlannedMotion) -> Result<ArmState, ArmError> {
-        following::follow(self, motion)
-    }
-
-    fn stop(&mut self) -> Result<(), ArmError> {
-        following::stop(self)
     }
 }

@@ -1,10 +1,11 @@
 //! The built-in objects: each whole, within its box, and unlike the others.
 
 use glam::{DVec3, dvec3};
-use relight_scene::{Camera, Image, Intrinsics, Light, Pose};
+use relight_scene::{Camera, Image, Light, Pose};
 
 use super::super::stage::{OBJECT_HALF, OBJECT_HEIGHT};
 use super::super::{Lamp, Model, RigError, Sensor, Settings, Stage, VirtualRig, objects};
+use super::camera;
 
 #[test]
 fn every_object_stands_whole_within_its_box() {
@@ -40,20 +41,10 @@ fn names_are_known_and_differ() {
     assert!(matches!(fault, RigError::UnknownObject { .. }) && fault.to_string().contains("wire-cube"));
 }
 
-fn view(azimuth: f64, elevation: f64, [width, height]: [u32; 2]) -> Camera {
-    let focal = 8.0 / 0.00345 * f64::from(width) / 1440.0;
+fn view(azimuth: f64, elevation: f64, size: [u32; 2]) -> Camera {
+    let focal = 8.0 / 0.00345 * f64::from(size[0]) / 1440.0;
     let eye = 0.61 * dvec3(azimuth.cos() * elevation.cos(), azimuth.sin() * elevation.cos(), elevation.sin());
-    let target = dvec3(0.0, 0.0, 0.06);
-    let intrinsics = Intrinsics {
-        width,
-        height,
-        fx: focal,
-        fy: focal,
-        cx: (f64::from(width) - 1.0) / 2.0,
-        cy: (f64::from(height) - 1.0) / 2.0,
-        distortion: Vec::new(),
-    };
-    Camera { label: 0, intrinsics, pose: Pose::look_at(eye.to_array(), target.to_array()) }
+    camera(eye, dvec3(0.0, 0.0, 0.06), size, focal)
 }
 
 fn lamp(label: usize, azimuth: f64, elevation: f64) -> Light {

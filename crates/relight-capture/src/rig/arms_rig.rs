@@ -1,0 +1,286 @@
+//! Two arms and a camera, driven along the motions of an itinerary.
+
+use std::thread;
+use std::time::{Duration, Instant};
+
+use super::error::ArmsFault;
+use super::itinerary::{CAMERA, Itinerary, LIGHT, station};
+use super::roadmap::HOME;
+use super::whereabouts::{Whereabouts, locate};
+use crate::camera::{Camera, CameraError, Frame};
+use crate::kinematics::Joints;
+use crate::robot::{Arm, ArmError, ArmStatus, JointSpeed, MotionPlan, PlannedMotion};
+use crate::session::{Rig, RigFault};
+
+/// An arm that waits may be measured this far from its station, radians; farther, something moved it.
+const STANDS: f64 = 2e-3;
+/// How often the arm that waits is looked at while the other moves.
+const LOOK: Duration = Duration::from_millis(100);
+/// Where states come from that tell no address.
+const ITS_CONTROLLER: &str = "its controller";
+
+/// Where everything is when a photograph is taken.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stance {
+    /// The view's number.
+    pub view: usize,
+    /// The light's number.
+    pub light: usize,
+    /// Measured joints of the camera's arm and the light's, radians.
+    pub joints: [Joints; 2],
+}
+
+/// What takes the photographs of a rig with arms: any camera, or a virtual one that must know where it is.
+pub trait Eye {
+    /// Takes a photograph.
+    ///
+    /// # Errors
+    /// As [`Camera::shoot`].
+    fn shoot(&mut self, stance: &Stance) -> Result<Frame, CameraError>;
+}
+
+impl<C: Camera + ?Sized> Eye for Box<C> {
+    fn shoot(&mut self, _: &Stance) -> Result<Frame, CameraError> {
+        (**self).shoot()
+    }
+}
+
+/// How arms move.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pace {
+    /// How fast.
+    pub speed: JointSpeed,
+    /// How long everything swings on after the arms came to rest.
+    pub settle: Duration,
+}
+
+/// How far the arms went.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Travel {
+    /// Motions of the camera's arm and the light's.
+    pub motions: [usize; 2],
+    /// How long these take as planned, and settling.
+    pub time: Duration,
+}
+
+/// A rig of two arms. Every motion is one of the itinerary's, and is checked again, with both arms where they stand, before it
+/// is ordered. Whatever goes wrong, both arms are told to stop.
+pub struct ArmsRig<'a> {
+    itinerary: &'a Itinerary,
+    /// Labels of views and lights, by their number in the session.
+    labels: [Vec<usize>; 2],
+    arms: [Box<dyn Arm + 'a>; 2],
+    eye: Box<dyn Eye + 'a>,
+    pace: Pace,
+    stands: [Whereabouts; 2],
+    stance: Option<Stance>,
+    travel: Travel,
+}
+
+impl<'a> ArmsRig<'a> {
+    /// A rig of arms that are ready and stand anywhere along the itinerary: at home, at a waypoint, or where a motion was
+    /// interrupted. Nothing moves yet. `labels` says which waypoints the session's views and lights are.
+    ///
+    /// # Errors
+    /// If an arm is not ready, or stands elsewhere.
+    pub fn new(
+        itinerary: &'a Itinerary,
+        labels: [Vec<usize>; 2],
+        arms: [Box<dyn Arm + 'a>; 2],
+        eye: Box<dyn Eye + 'a>,
+        pace: Pace,
+    ) -> Result<ArmsRig<'a>, ArmsFault> {
+        let (stands, stance, travel) = ([Whereabouts::At(HOME); 2], None, Travel::default());
+        let mut rig = ArmsRig { itinerary, labels, arms, eye, pace, stands, stance, travel };
+        let joints = [rig.ready(CAMERA)?, rig.ready(LIGHT)?];
+        let astray = |arm: usize| ArmsFault::Astray {
+            arm: itinerary.arm(arm).name.clone(),
+            joints: joints[arm],
+            home: *itinerary.joints(arm, HOME),
+        };
+        let camera = locate(itinerary, CAMERA, HOME, &joints[CAMERA]).ok_or_else(|| astray(CAMERA))?;
+        // The camera moves only while the light is at home.
+        let beside = if let Whereabouts::At(station) = camera { station } else { HOME };
+        let light = locate(itinerary, LIGHT, beside, &joints[LIGHT]);
+        let is_possible = |light: &Whereabouts| {
+            matches!((camera, light), (Whereabouts::At(_), _) | (_, Whereabouts::At(HOME)))
+        };
+        let light = light.filter(is_possible).ok_or_else(|| astray(LIGHT))?;
+        rig.stands = [camera, light];
+        Ok(rig)
+    }
+
+    /// How far the arms went so far.
+    pub fn travel(&self) -> Travel {
+        self.travel
+    }
+
+    /// Brings both arms home.
+    ///
+    /// # Errors
+    /// As going to a view.
+    pub fn park(&mut self) -> Result<(), ArmsFault> {
+        self.stance = None;
+        self.go(LIGHT, HOME).and_then(|()| self.go(CAMERA, HOME)).map_err(|fault| self.halt(fault))
+    }
+
+    /// The measured joints of an arm that is at rest and ready.
+    fn ready(&mut self, arm: usize) -> Result<Joints, ArmsFault> {
+        let name = || self.itinerary.arm(arm).name.clone();
+        let state = self.arms[arm].state().map_err(|fault| ArmsFault::Arm { arm: name(), fault })?;
+        if state.status == ArmStatus::Idle {
+            return Ok(state.joints);
+        }
+        let fault = ArmError::Stopped { address: ITS_CONTROLLER.to_owned(), status: state.status };
+        Err(ArmsFault::Arm { arm: name(), fault })
+    }
+
+    /// Takes an arm to a station by planned motions.
+    fn go(&mut self, arm: usize, to: usize) -> Result<(), ArmsFault> {
+        if self.stands[arm] == Whereabouts::At(to) {
+            return Ok(());
+        }
+        let itinerary = self.itinerary;
+        let name = || itinerary.arm(arm).name.clone();
+        let no_way = || ArmsFault::NoWay { arm: name(), label: to.saturating_sub(1) };
+        let other = 1 - arm;
+        let Whereabouts::At(beside) = self.stands[other] else { return Err(no_way()) };
+        let map = itinerary.roadmap(arm, beside).ok_or_else(no_way)?;
+        let mut stops = Vec::new();
+        let from = match self.stands[arm] {
+            Whereabouts::At(station) => station,
+            Whereabouts::Between { joints, nearest } => {
+                stops.push(joints);
+                nearest
+            }
+        };
+        stops.push(*itinerary.joints(arm, from));
+        let way = map.way(from, to).ok_or_else(no_way)?;
+        stops.extend(way.iter().map(|&station| *itinerary.joints(arm, station)));
+        let mut both = [*itinerary.joints(other, beside); 2];
+        let mut at = |joints: &Joints| {
+            both[arm] = *joints;
+            both
+        };
+        let plan = MotionPlan::through(&stops, self.pace.speed, |from, to| {
+            itinerary.cell().check_motion(&at(from), &at(to))
+        });
+        let plan = plan.map_err(|fault| ArmsFault::Refused { arm: name(), fault })?;
+        for motion in plan.motions() {
+            self.move_along(arm, motion)?;
+            self.travel.motions[arm] += 1;
+            self.travel.time = self.travel.time.saturating_add(motion.duration());
+        }
+        self.stands[arm] = Whereabouts::At(to);
+        Ok(())
+    }
+
+    /// Moves an arm while the other stands ready.
+    fn move_along(&mut self, arm: usize, motion: &PlannedMotion) -> Result<(), ArmsFault> {
+        let named = |arm: usize, fault| ArmsFault::Arm { arm: self.itinerary.arm(arm).name.clone(), fault };
+        let [camera, light] = &mut self.arms;
+        let (moving, waiting) = if arm == CAMERA { (camera, light) } else { (light, camera) };
+        let (mut looked, mut unready) = (None::<Instant>, None);
+        let moved = moving.move_while(motion, &mut || {
+            if looked.is_some_and(|looked| looked.elapsed() < LOOK) {
+                return Ok(());
+            }
+            looked = Some(Instant::now());
+            let state = waiting.state();
+            let idle = state.and_then(|state| match state.status {
+                ArmStatus::Idle => Ok(()),
+                status => Err(ArmError::Stopped { address: ITS_CONTROLLER.to_owned(), status }),
+            });
+            idle.inspect_err(|fault| unready = Some(fault.clone()))
+        });
+        match (moved, unready) {
+            (Ok(_), _) => Ok(()),
+            // The moving arm failed because the waiting one did; that it was then not stopped weighs more.
+            (Err(fault), Some(unready)) if !matches!(fault, ArmError::NotStopped { .. }) => {
+                Err(named(1 - arm, unready))
+            }
+            (Err(fault), _) => Err(named(arm, fault)),
+        }
+    }
+
+    /// The waypoint of a view or light of the session.
+    fn waypoint(&self, arm: usize, number: usize) -> Result<usize, ArmsFault> {
+        let label = self.labels[arm].get(number).copied();
+        label
+            .map(station)
+            .ok_or_else(|| ArmsFault::NoWay { arm: self.itinerary.arm(arm).name.clone(), label: number })
+    }
+
+    fn go_to_view(&mut self, view: usize) -> Result<(), ArmsFault> {
+        let to = self.waypoint(CAMERA, view)?;
+        if self.stands[CAMERA] != Whereabouts::At(to) {
+            self.go(LIGHT, HOME)?;
+            self.go(CAMERA, to)?;
+        }
+        self.stance = Some(Stance { view, light: 0, joints: [[0.0; 6]; 2] });
+        Ok(())
+    }
+
+    fn go_to_light(&mut self, light: usize) -> Result<(), ArmsFault> {
+        let to = self.waypoint(LIGHT, light)?;
+        self.go(LIGHT, to)?;
+        thread::sleep(self.pace.settle);
+        let joints = [self.standing(CAMERA)?, self.standing(LIGHT)?];
+        if let Some(stance) = &mut self.stance {
+            (stance.light, stance.joints) = (light, joints);
+        }
+        Ok(())
+    }
+
+    /// The measured joints of an arm that stands where it was brought.
+    fn standing(&mut self, arm: usize) -> Result<Joints, ArmsFault> {
+        let joints = self.ready(arm)?;
+        if let Whereabouts::At(station) = self.stands[arm] {
+            let expected = self.itinerary.joints(arm, station);
+            let off: Vec<f64> = joints.iter().zip(expected).map(|(a, b)| (a - b).abs()).collect();
+            let farthest = (0..off.len()).max_by(|&a, &b| off[a].total_cmp(&off[b]));
+            if let Some(joint) = farthest.filter(|&joint| off[joint] > STANDS) {
+                let arm = self.itinerary.arm(arm).name.clone();
+                return Err(ArmsFault::Moved { arm, joint, off: off[joint] });
+            }
+        }
+        Ok(joints)
+    }
+
+    /// Stops both arms after a fault.
+    fn halt(&mut self, fault: ArmsFault) -> ArmsFault {
+        self.stance = None;
+        let mut fault = fault;
+        for (arm, place) in self.arms.iter_mut().zip([CAMERA, LIGHT]) {
+            let name = &self.itinerary.arm(place).name;
+            // An arm whose own stop is known to have failed has said so.
+            let has_said =
+                matches!(&fault, ArmsFault::Arm { arm, fault: ArmError::NotStopped { .. } } if arm == name);
+            if !has_said && let Err(stop) = arm.stop() {
+                fault = ArmsFault::NotStopped { fault: Box::new(fault), arm: name.clone(), stop };
+            }
+        }
+        fault
+    }
+}
+
+impl Rig for ArmsRig<'_> {
+    fn view(&mut self, view: usize) -> Result<(), RigFault> {
+        let gone = self.go_to_view(view).map_err(|fault| self.halt(fault));
+        gone.map_err(|fault| RigFault::Motion(Box::new(fault)))
+    }
+
+    fn light(&mut self, light: usize) -> Result<(), RigFault> {
+        self.travel.time = self.travel.time.saturating_add(self.pace.settle);
+        let gone = self.go_to_light(light).map_err(|fault| self.halt(fault));
+        gone.map_err(|fault| RigFault::Motion(Box::new(fault)))
+    }
+
+    fn shoot(&mut self) -> Result<Frame, CameraError> {
+        let stance = self.stance.as_ref().ok_or_else(|| CameraError::Failed {
+            problem: "no view was gone to".to_owned(),
+            mend: "Go to a view first.",
+        })?;
+        self.eye.shoot(stance)
+    }
+}
