@@ -81,14 +81,17 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         return rehearse(&capture);
     }
     let ending = shoot(&capture, args, quiet)?;
-    let Ending::Complete { blurred } = ending else {
+    let Ending::Complete { blurred, moved } = ending else {
         bail!(
             "stopped; go on with the same command and --resume. What is shot so far: {}",
             args.out.join(STATE).join(session::SHEET).display()
         );
     };
     for (view, light) in blurred {
-        tracing::warn!("view {view} under light {light} is blurred beside the others of its view");
+        tracing::warn!("view {view} under light {light} is blurred beside the others");
+    }
+    for (view, light) in moved {
+        tracing::warn!("view {view} under light {light}: something moved while the view was shot");
     }
     print_line(&format!("{}: {} views under {} lights", args.out.display(), args.views, args.lights))
 }
