@@ -1,12 +1,12 @@
 //! Pictures in files: PNG for looking at, EXR for going on with the numbers.
 
-use std::fs::File;
 use std::io::BufWriter;
 use std::path::Path;
 
 use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Image as ExrImage, Layer, LayerAttributes, WritableImage,
 };
+use relight_scene::write_whole;
 
 use crate::error::RenderError;
 use crate::maps::{Map, Values};
@@ -60,26 +60,19 @@ pub fn write_exr(picture: &Picture, map: Map, path: &Path) -> Result<(), RenderE
     let attributes = LayerAttributes { software_name: Some("relight".into()), ..LayerAttributes::default() };
     let layer = Layer::new(size, attributes, Encoding::SMALL_LOSSLESS, AnyChannels::sort(channels.into()));
     let image = ExrImage::from_layer(layer);
-    write_whole(path, |file| {
+    let written = write_whole(path, |file| {
         let file = BufWriter::new(file);
         image.write().non_parallel().to_buffered(file).map_err(|error| match error {
             exr::error::Error::Io(error) => error,
             other => std::io::Error::other(other.to_string()),
         })
-    })
+    });
+    written.map_err(RenderError::io(path))
 }
 
 /// The ending of a file's name in lower case; empty without one.
 pub(crate) fn extension(path: &Path) -> String {
     path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default()
-}
-
-/// Writes a file to a temporary one beside it, then renames.
-fn write_whole(path: &Path, write: impl FnOnce(&mut File) -> std::io::Result<()>) -> Result<(), RenderError> {
-    let mut file = temporary_beside(path)?;
-    write(file.as_file_mut()).map_err(RenderError::io(path))?;
-    file.persist(path).map_err(|error| RenderError::io(path)(error.error))?;
-    Ok(())
 }
 
 /// A temporary file in the folder of `path`, to be renamed to it when whole, and removed otherwise.

@@ -4,15 +4,25 @@
 //! session: photographs of one scene must be comparable with each other. A frame that did not arrive whole is
 //! [`CameraError::Incomplete`], and is shot again.
 
+mod bracket;
+mod correction;
 mod demosaic;
+mod development;
 mod folder;
+#[cfg(feature = "gige")]
+mod gige;
+mod gige_settings;
 
 use std::path::PathBuf;
 
 use relight_scene::{Image, SceneError};
 
-pub use demosaic::{BayerPattern, Development};
+pub use bracket::{Exposure, merge};
+pub use correction::{Average, Correction};
+pub use demosaic::BayerPattern;
+pub use development::{Development, LinearImage, Signals};
 pub use folder::FolderCamera;
+pub use gige_settings::GigeSettings;
 
 /// Something that takes photographs when told to.
 pub trait Camera {
@@ -24,6 +34,14 @@ pub trait Camera {
     /// # Errors
     /// [`CameraError::Incomplete`] if another try may go well, else what is wrong with the camera.
     fn shoot(&mut self) -> Result<Frame, CameraError>;
+
+    /// Lets the following photographs be exposed for a multiple of the session's time. Not every camera can.
+    ///
+    /// # Errors
+    /// If the camera cannot do that.
+    fn expose(&mut self, multiple: f64) -> Result<(), CameraError> {
+        if multiple == 1.0 { Ok(()) } else { Err(CameraError::fixed_exposure()) }
+    }
 }
 
 /// A photograph as the camera gave it.
@@ -44,32 +62,14 @@ pub enum Frame {
     },
 }
 
-impl Frame {
-    /// The frame as an sRGB image; raw ones are developed once, here.
-    ///
-    /// # Errors
-    /// [`CameraError::Incomplete`] if the data are not of the stated size.
-    pub fn develop(self, development: &Development) -> Result<Image, CameraError> {
-        match self {
-            Frame::Developed(image) => {
-                let (stated, held) = (3 * u64::from(image.width) * u64::from(image.height), image.data.len());
-                complete(stated, held)?;
-                Ok(image)
-            }
-            Frame::Raw { width, height, pattern, data } => {
-                complete(u64::from(width) * u64::from(height), data.len())?;
-                Ok(development.develop(width, height, pattern, &data))
-            }
+impl CameraError {
+    /// The camera cannot change its exposure.
+    pub(crate) fn fixed_exposure() -> CameraError {
+        CameraError::Failed {
+            problem: "its exposure cannot be set from here".to_owned(),
+            mend: "Leave out the exposure bracket, or use a camera whose exposure can be set.",
         }
     }
-}
-
-/// Whether all bytes of a frame are there.
-fn complete(stated: u64, held: usize) -> Result<(), CameraError> {
-    if stated == held as u64 {
-        return Ok(());
-    }
-    Err(CameraError::Incomplete(format!("{held} of its {stated} bytes arrived")))
 }
 
 /// Why there is no photograph.

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use relight_scene::SceneError;
 
+use super::stillness::Change;
 use crate::camera::CameraError;
 
 /// Why a rig did not do what it was asked.
@@ -12,6 +13,9 @@ pub enum RigFault {
     /// An arm did not arrive.
     #[error("an arm did not get there: {0}")]
     Motion(#[source] Box<dyn std::error::Error + Send + Sync>),
+    /// The rig has no dark or even target.
+    #[error("this rig has nothing dark and nothing even to show. Ask for no dark and flat frames.")]
+    NoTarget,
     /// There is no photograph.
     #[error(transparent)]
     Camera(#[from] CameraError),
@@ -69,6 +73,33 @@ pub enum SessionError {
         /// What the last try said.
         last: CameraError,
     },
+    /// Photographs did not agree with each other.
+    #[error(
+        "view {view} under light {light}: not at rest after {tries} tries: {change}. Wait longer, look for what shakes or shines \
+         (draught, daylight), or allow more tries (settle_tries)."
+    )]
+    Unsettled {
+        /// The view.
+        view: usize,
+        /// The light.
+        light: usize,
+        /// How often it was tried.
+        tries: u32,
+        /// How the last two photographs differ.
+        change: Change,
+    },
+    /// Dark or flat frames cannot be had or do not fit.
+    #[error("{target} frames: {fault}")]
+    Reference {
+        /// Which.
+        target: &'static str,
+        /// What happened.
+        #[source]
+        fault: RigFault,
+    },
+    /// What is asked for around each photograph cannot be.
+    #[error("the session's settings: {0}")]
+    Care(String),
     /// A file of the scene cannot be read or written.
     #[error(transparent)]
     Scene(#[from] SceneError),

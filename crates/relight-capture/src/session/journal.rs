@@ -1,17 +1,16 @@
-//! The journal of a session: one line for each frame that is safely on disk.
+//! The journal of a session: one line for each frame that is safely on disk, and another for each view that was checked.
 
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-use relight_scene::read_text;
+use relight_scene::{read_text, write_whole};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::error::SessionError;
 
-/// The first line.
-const HEADER: &str = r#"{"format":"relight-journal","version":1}"#;
 /// The longest journal, bytes.
 const LONGEST: u64 = 1 << 28;
 
@@ -31,20 +30,64 @@ pub struct Entry {
     pub sharpness: f64,
 }
 
-/// Lines are only ever added, and each is on disk before the next frame is shot. A kill may leave half of the last
-/// line, which the next start cuts off.
-pub struct Journal {
-    path: PathBuf,
-    file: File,
-    entries: BTreeMap<(usize, usize), Entry>,
+/// Whether anything moved while a view was shot.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Check {
+    /// The view's label.
+    pub view: usize,
+    /// The light under which it was shot again at its end.
+    pub light: usize,
+    /// Whether the two photographs differ by more than noise.
+    pub moved: bool,
+    /// How far the second is shifted to the right and down, pixels.
+    pub shift: [f64; 2],
+    /// By how much the second is brighter, as a share.
+    pub brighter: f64,
 }
 
-impl Journal {
-    /// Opens a journal, or begins one.
+/// What lines of a file tell of.
+pub trait Line: Copy + Serialize + DeserializeOwned {
+    /// The first line of such a file: its format and version.
+    const HEADER: &str;
+
+    /// View and light; no two lines have the same.
+    fn key(&self) -> (usize, usize);
+}
+
+impl Line for Entry {
+    const HEADER: &str = r#"{"format":"relight-journal","version":1}"#;
+
+    fn key(&self) -> (usize, usize) {
+        (self.view, self.light)
+    }
+}
+
+impl Line for Check {
+    const HEADER: &str = r#"{"format":"relight-checks","version":1}"#;
+
+    fn key(&self) -> (usize, usize) {
+        (self.view, self.light)
+    }
+}
+
+/// The frames that are on disk.
+pub type Journal = Log<Entry>;
+
+/// A file whose lines are only ever added, each on disk before anything else is done. A kill may leave half of the last line,
+/// which the next start cuts off.
+pub struct Log<L> {
+    path: PathBuf,
+    file: File,
+    entries: BTreeMap<(usize, usize), L>,
+}
+
+impl<L: Line> Log<L> {
+    /// Opens a file, or begins one.
     ///
     /// # Errors
     /// If the file is of another format or version, or a line other than a torn last one is damaged or stands twice.
-    pub fn open(path: &Path) -> Result<Journal, SessionError> {
+    pub fn open(path: &Path) -> Result<Log<L>, SessionError> {
         let is_there = path.try_exists().map_err(SessionError::io(path))?;
         let text = if is_there { read_text(path, LONGEST)? } else { String::new() };
         // What does not end with a line break was being written when the session was killed.
@@ -52,34 +95,58 @@ impl Journal {
         let entries = parse(path, whole)?;
         let file = OpenOptions::new().create(true).append(true).open(path).map_err(SessionError::io(path))?;
         file.set_len(whole.len() as u64).map_err(SessionError::io(path))?;
-        let mut journal = Journal { path: path.to_owned(), file, entries };
+        let mut journal = Log { path: path.to_owned(), file, entries };
         if whole.is_empty() {
-            journal.line(HEADER)?;
+            journal.line(L::HEADER)?;
         }
         Ok(journal)
     }
 
-    /// The frame of a view under a light, if it is on disk.
-    pub fn get(&self, view: usize, light: usize) -> Option<&Entry> {
+    /// The line of a view under a light, if there is one.
+    pub fn get(&self, view: usize, light: usize) -> Option<&L> {
         self.entries.get(&(view, light))
     }
 
-    /// All frames that are on disk, by view and light.
-    pub fn entries(&self) -> impl Iterator<Item = &Entry> {
+    /// All lines, by view and light.
+    pub fn entries(&self) -> impl Iterator<Item = &L> {
         self.entries.values()
     }
 
-    /// Adds a frame that is on disk.
+    /// Adds a line.
     ///
     /// # Errors
-    /// If the line cannot be written.
-    pub fn add(&mut self, entry: Entry) -> Result<(), SessionError> {
-        let line = serde_json::to_string(&entry).map_err(|error| {
-            SessionError::io(&self.path)(std::io::Error::new(ErrorKind::InvalidData, error))
-        })?;
+    /// If it cannot be written.
+    pub fn add(&mut self, entry: L) -> Result<(), SessionError> {
+        let line = self.json(&entry)?;
         self.line(&line)?;
-        self.entries.insert((entry.view, entry.light), entry);
+        self.entries.insert(entry.key(), entry);
         Ok(())
+    }
+
+    /// Takes away all lines but those that are to stay, in one step: a kill leaves all or what stays.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn retain(&mut self, stays: impl Fn(&L) -> bool) -> Result<(), SessionError> {
+        // In the order in which they were written, as far as they stay.
+        let text = read_text(&self.path, LONGEST)?;
+        let mut kept = String::new();
+        for (i, line) in text.lines().enumerate() {
+            if i == 0 || serde_json::from_str::<L>(line).is_ok_and(|entry| stays(&entry)) {
+                kept.push_str(line);
+                kept.push('\n');
+            }
+        }
+        write_whole(&self.path, |file| file.write_all(kept.as_bytes()))
+            .map_err(SessionError::io(&self.path))?;
+        self.file = OpenOptions::new().append(true).open(&self.path).map_err(SessionError::io(&self.path))?;
+        self.entries.retain(|_, entry| stays(entry));
+        Ok(())
+    }
+
+    fn json(&self, entry: &L) -> Result<String, SessionError> {
+        serde_json::to_string(entry)
+            .map_err(|error| SessionError::io(&self.path)(std::io::Error::new(ErrorKind::InvalidData, error)))
     }
 
     fn line(&mut self, line: &str) -> Result<(), SessionError> {
@@ -90,20 +157,23 @@ impl Journal {
 }
 
 /// The entries of whole lines.
-fn parse(path: &Path, text: &str) -> Result<BTreeMap<(usize, usize), Entry>, SessionError> {
+fn parse<L: Line>(path: &Path, text: &str) -> Result<BTreeMap<(usize, usize), L>, SessionError> {
     let mut entries = BTreeMap::new();
     for (i, line) in text.lines().enumerate() {
         let wrong = |problem: String| SessionError::Journal { path: path.to_owned(), line: i + 1, problem };
         if i == 0 {
-            if line != HEADER {
-                return Err(wrong(format!("is not {HEADER}, the only format and version that is known")));
+            if line != L::HEADER {
+                return Err(wrong(format!(
+                    "is not {}, the only format and version that is known",
+                    L::HEADER
+                )));
             }
             continue;
         }
-        let entry: Entry =
-            serde_json::from_str(line).map_err(|error| wrong(format!("is damaged: {error}")))?;
-        if entries.insert((entry.view, entry.light), entry).is_some() {
-            return Err(wrong(format!("tells of view {} under light {} again", entry.view, entry.light)));
+        let entry: L = serde_json::from_str(line).map_err(|error| wrong(format!("is damaged: {error}")))?;
+        let (view, light) = entry.key();
+        if entries.insert((view, light), entry).is_some() {
+            return Err(wrong(format!("tells of view {view} under light {light} again")));
         }
     }
     Ok(entries)
@@ -160,11 +230,23 @@ mod tests {
         }
     }
 
+    #[test]
+    fn lines_are_taken_away_and_others_added() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("journal");
+        let mut journal = three(&path);
+        journal.retain(|entry| entry.light != 1).unwrap();
+        assert!(journal.get(4, 1).is_none() && journal.get(4, 2).is_some());
+        journal.add(entry(5, 1)).unwrap();
+        let again = Journal::open(&path).unwrap();
+        assert_eq!(again.entries().map(Line::key).collect::<Vec<_>>(), [(4, 0), (4, 2), (5, 1)]);
+    }
+
     proptest! {
         #[test]
         fn any_text_is_read_or_refused(text in "(\\{\"view\":[0-9]{1,30}[^\\n]{0,20}\\n|[^\\n]{0,30}\\n?){0,5}") {
-            let _ = parse(Path::new("journal"), &format!("{HEADER}\n{text}"));
-            let _ = parse(Path::new("journal"), &text);
+            let _ = parse::<Entry>(Path::new("journal"), &format!("{}\n{text}", Entry::HEADER));
+            let _ = parse::<Entry>(Path::new("journal"), &text);
         }
     }
 }

@@ -5,11 +5,17 @@
 //! session is the same one) and the [`journal`](Journal) of frames that are on disk. Nothing there tells times or tries, so
 //! that a session killed at any moment and resumed leaves the very bytes of one that was not.
 
+mod care;
 mod error;
+mod hdr_file;
 mod journal;
+mod light_gain;
+mod photograph;
 mod quality;
+mod references;
 mod sheet;
 mod state;
+mod stillness;
 
 use std::collections::BTreeSet;
 use std::io::Write;
@@ -22,15 +28,20 @@ use relight_scene::{
 
 use crate::camera::{CameraError, Development, Frame};
 
+pub use care::Care;
 pub use error::{RigFault, SessionError};
-pub use journal::{Entry, Journal};
+pub use journal::{Check, Entry, Journal, Line, Log};
+pub use light_gain::gains;
+use photograph::Photographer;
 pub use quality::{brightness, sharpness};
+pub use references::{CAMERA, Target};
 pub use sheet::SHEET;
 use sheet::Sheet;
 pub use state::{STATE, Subject};
+pub use stillness::{Change, compare};
 
-/// Tries for a frame that does not arrive whole.
-const TRIES: u32 = 5;
+/// Which views were checked for movement, in the folder [`STATE`].
+const CHECKS: &str = "checks.jsonl";
 /// The longest image file that is checked, bytes.
 const LONGEST_IMAGE: u64 = 1 << 28;
 
@@ -53,6 +64,25 @@ pub trait Rig {
     /// # Errors
     /// As [`Camera::shoot`](crate::camera::Camera::shoot).
     fn shoot(&mut self) -> Result<Frame, CameraError>;
+
+    /// Lets the following photographs be exposed for a multiple of the session's time.
+    ///
+    /// # Errors
+    /// As [`Camera::expose`](crate::camera::Camera::expose).
+    fn expose(&mut self, multiple: f64) -> Result<(), CameraError> {
+        if multiple == 1.0 { Ok(()) } else { Err(CameraError::fixed_exposure()) }
+    }
+
+    /// Holds something before the camera, or has somebody hold it there, and waits until that is done.
+    ///
+    /// # Errors
+    /// If it cannot be done.
+    fn show(&mut self, target: Target) -> Result<(), RigFault> {
+        match target {
+            Target::Scene => Ok(()),
+            Target::Dark | Target::Flat => Err(RigFault::NoTarget),
+        }
+    }
 }
 
 /// What is shot, and in which order.
@@ -98,6 +128,8 @@ pub enum Ending {
     Complete {
         /// Pairs of view and light whose photographs are blurred beside the others of their view.
         blurred: Vec<(usize, usize)>,
+        /// Pairs of view and light during whose view the object or the camera moved, see [`forget_moved`].
+        moved: Vec<(usize, usize)>,
     },
     /// It was told to stop, and can be resumed.
     Stopped,
@@ -105,7 +137,7 @@ pub enum Ending {
 
 /// Shoots what is missing, and makes the folder a scene with its splits. `progress` is told after each frame and may stop the
 /// session by [`ControlFlow::Break`]. `subject` says what stands there and how it is shot; a session is only resumed with
-/// the same.
+/// the same. Nothing is done around the photographs.
 ///
 /// # Errors
 /// [`SessionError`]; what is shot by then is kept.
@@ -117,43 +149,120 @@ pub fn capture(
     resume: bool,
     progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<Ending, SessionError> {
-    let mut journal = state::open(out, subject, shots, resume)?;
+    capture_with(rig, shots, &Care::default(), subject, out, resume, progress)
+}
+
+/// As [`capture`], with dark and flat frames, exposure brackets and checks as `care` asks for.
+///
+/// # Errors
+/// [`SessionError`]; what is shot by then is kept.
+pub fn capture_with(
+    rig: &mut dyn Rig,
+    shots: &Shots,
+    care: &Care,
+    subject: &Subject,
+    out: &Path,
+    resume: bool,
+    progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+) -> Result<Ending, SessionError> {
+    care.check(shots.lights.len())?;
+    let mut journal = state::open(out, subject, shots, care, resume)?;
+    let mut checks = if care.movement { Some(open_checks(out)?) } else { None };
     let writer = ReneWriter::create(out, &shots.intrinsics, shots.cameras.clone(), &shots.lights)?;
     let (mut on_disk, mut sheet) = (BTreeSet::new(), Sheet::new(shots));
     for entry in journal.entries() {
         sheet.put(entry.view, entry.light, &reread(&writer, entry)?);
         on_disk.insert((entry.view, entry.light));
     }
+    let correction = references::correction(rig, shots, care, subject, out)?;
+    let photographer = Photographer { shots, care, correction };
     let total = shots.view_order.len() * shots.light_order.len();
     let resumed = on_disk.len();
     for (i, &view) in shots.view_order.iter().enumerate() {
-        let lights = shots.lights_of(i).into_iter();
-        let missing: Vec<usize> = lights.filter(|&light| !on_disk.contains(&(view, light))).collect();
+        let lights = shots.lights_of(i);
         let mut arrived = false;
-        for light in missing {
-            if progress(Progress { done: on_disk.len(), resumed, total }).is_break() {
+        for &light in &lights {
+            if on_disk.contains(&(view, light)) {
+                continue;
+            }
+            let now = Progress { done: on_disk.len(), resumed, total };
+            if progress(now).is_break() {
                 return Ok(Ending::Stopped);
             }
-            let failed = |fault| SessionError::Rig { view, light, fault };
-            if !arrived {
-                rig.view(view).map_err(failed)?;
-                arrived = true;
+            go(rig, &mut arrived, view, light)?;
+            let photograph = photographer.take(rig, view, light)?;
+            if care.exr
+                && let Some(light_of_it) = &photograph.light
+            {
+                hdr_file::write(&hdr_file::path(out, view, light), light_of_it)?;
             }
-            rig.light(light).map_err(failed)?;
-            let image = shoot(rig, shots, view, light)?;
-            keep(&writer, &mut journal, (view, light), &image)?;
-            sheet.put(view, light, &image);
+            keep(&writer, &mut journal, (view, light), &photograph.image)?;
+            sheet.put(view, light, &photograph.image);
             on_disk.insert((view, light));
+            sheet.live(out, Progress { done: on_disk.len(), ..now })?;
         }
-        if arrived {
-            sheet.write(out)?;
+        if let (Some(checks), Some(&first)) = (&mut checks, lights.first())
+            && checks.get(view, first).is_none()
+            && let Some(entry) = journal.get(view, first)
+        {
+            go(rig, &mut arrived, view, first)?;
+            let again = photographer.take(rig, view, first)?.image;
+            let change = compare(&reread(&writer, entry)?, &again);
+            if change.moved() {
+                tracing::warn!("view {view}: something moved while it was shot: {change}");
+            }
+            let Change { shift, brighter, .. } = change;
+            checks.add(Check { view, light: first, moved: change.moved(), shift, brighter })?;
         }
     }
     // Nothing is left to be stopped.
     let _ = progress(Progress { done: total, resumed, total });
     finish(out)?;
     sheet.write(out)?;
-    Ok(Ending::Complete { blurred: blurred(shots, &journal) })
+    let moved = checks.iter().flat_map(|checks| frames_of_moved(checks, &journal)).collect();
+    Ok(Ending::Complete { blurred: blurred(shots, &journal), moved })
+}
+
+/// Forgets all frames of views during which something moved, so that the session, when it is resumed, shoots them again.
+/// Tells which they are.
+///
+/// # Errors
+/// If the session's files cannot be read or written.
+pub fn forget_moved(out: &Path) -> Result<Vec<(usize, usize)>, SessionError> {
+    // A folder without a session is left as it is.
+    if !out.join(STATE).join(CHECKS).is_file() {
+        return Ok(Vec::new());
+    }
+    let (mut journal, mut checks) =
+        (Journal::open(&out.join(STATE).join(state::JOURNAL))?, open_checks(out)?);
+    let moved: BTreeSet<(usize, usize)> = frames_of_moved(&checks, &journal).collect();
+    let views: BTreeSet<usize> =
+        checks.entries().filter(|check| check.moved).map(|check| check.view).collect();
+    // Killed in between, the views are still known to have moved.
+    journal.retain(|entry| !views.contains(&entry.view))?;
+    checks.retain(|check| !check.moved)?;
+    Ok(moved.into_iter().collect())
+}
+
+fn open_checks(out: &Path) -> Result<Log<Check>, SessionError> {
+    Log::open(&out.join(STATE).join(CHECKS))
+}
+
+/// All frames of views during which something moved.
+fn frames_of_moved(checks: &Log<Check>, journal: &Journal) -> impl Iterator<Item = (usize, usize)> {
+    let moved: BTreeSet<usize> =
+        checks.entries().filter(|check| check.moved).map(|check| check.view).collect();
+    journal.entries().map(Line::key).filter(move |(view, _)| moved.contains(view))
+}
+
+/// Brings the rig to a view, unless it is there, and to a light.
+fn go(rig: &mut dyn Rig, arrived: &mut bool, view: usize, light: usize) -> Result<(), SessionError> {
+    let failed = |fault| SessionError::Rig { view, light, fault };
+    if !*arrived {
+        rig.view(view).map_err(failed)?;
+        *arrived = true;
+    }
+    rig.light(light).map_err(failed)
 }
 
 /// A photograph that is on disk already. A session whose images are no longer what they were is refused: somebody else
@@ -168,24 +277,6 @@ fn reread(writer: &ReneWriter, entry: &Entry) -> Result<Image, SessionError> {
         entry.view, entry.light
     );
     Err(SessionError::Other { path, problem })
-}
-
-/// A whole photograph of a view under a light.
-fn shoot(rig: &mut dyn Rig, shots: &Shots, view: usize, light: usize) -> Result<Image, SessionError> {
-    let mut tries = 1;
-    loop {
-        match rig.shoot().and_then(|frame| frame.develop(&shots.development)) {
-            Ok(image) => return Ok(image),
-            Err(last @ CameraError::Incomplete(_)) if tries == TRIES => {
-                return Err(SessionError::Tries { view, light, tries, last });
-            }
-            Err(CameraError::Incomplete(why)) => {
-                tracing::warn!("view {view} under light {light}: {why}: shot again");
-                tries += 1;
-            }
-            Err(error) => return Err(SessionError::Rig { view, light, fault: error.into() }),
-        }
-    }
 }
 
 /// Puts a photograph on disk, and then into the journal.
@@ -209,14 +300,15 @@ fn finish(out: &Path) -> Result<(), SessionError> {
     write_whole(&path, |file| file.write_all(&splits)).map_err(SessionError::io(&path))
 }
 
-/// Frames that are blurred beside the others of their view.
+/// Frames that are blurred beside the others of their view, and all of views that are blurred beside other views.
 fn blurred(shots: &Shots, journal: &Journal) -> Vec<(usize, usize)> {
-    let of_view = |view: usize| {
-        let entries = journal.entries().filter(move |entry| entry.view == view);
-        let frames: Vec<_> = entries.map(|e| (e.light, e.brightness, e.sharpness)).collect();
-        quality::blurred(&frames).into_iter().map(move |light| (view, light))
-    };
-    (0..shots.cameras.len()).flat_map(of_view).collect()
+    let views: Vec<Vec<_>> = (0..shots.cameras.len())
+        .map(|view| {
+            let entries = journal.entries().filter(move |entry| entry.view == view);
+            entries.map(|e| (e.light, e.brightness, e.sharpness)).collect()
+        })
+        .collect();
+    quality::blurred(&views)
 }
 
 #[cfg(test)]

@@ -4,6 +4,8 @@ use relight_scene::Image;
 
 /// Frames of a view whose sharpness lies below this share of the view's median are named.
 const BLURRED: f64 = 0.5;
+/// ... and those below this share of the median of all views, which see the object from other sides.
+const BLURRED_VIEW: f64 = 0.35;
 /// Frames darker than this, of 255, say nothing of sharpness.
 const TOO_DARK: f64 = 4.0;
 
@@ -33,17 +35,32 @@ pub fn sharpness(image: &Image) -> f64 {
     if sum == 0.0 { 0.0 } else { (squares / pixels).sqrt() / (sum / pixels) }
 }
 
-/// Of the frames of one view, given as light, brightness and sharpness, the lights of those that are blurred beside the
-/// others: the camera shook, or lost its focus.
-pub fn blurred(frames: &[(usize, f64, f64)]) -> Vec<usize> {
-    let mut known: Vec<f64> =
-        frames.iter().filter(|(_, brightness, _)| *brightness > TOO_DARK).map(|&(_, _, s)| s).collect();
-    if known.is_empty() {
-        return Vec::new();
+/// Of frames of views, given as light, brightness and sharpness, those that are blurred beside the others of their view: the
+/// camera shook, or lost its focus. Views that are blurred as a whole are compared with the other views: there the object was out of
+/// focus under every light.
+pub fn blurred(views: &[Vec<(usize, f64, f64)>]) -> Vec<(usize, usize)> {
+    let middles: Vec<Option<f64>> = views
+        .iter()
+        .map(|frames| {
+            let known = frames.iter().filter(|(_, brightness, _)| *brightness > TOO_DARK);
+            median(known.map(|&(_, _, sharpness)| sharpness).collect())
+        })
+        .collect();
+    let Some(usual) = median(middles.iter().flatten().copied().collect()) else { return Vec::new() };
+    let mut found = Vec::new();
+    for (view, (frames, middle)) in views.iter().zip(&middles).enumerate() {
+        let limit = BLURRED * middle.unwrap_or(0.0).max(usual * BLURRED_VIEW / BLURRED);
+        let is_blurred =
+            |&&(_, brightness, sharpness): &&(usize, f64, f64)| brightness > TOO_DARK && sharpness < limit;
+        found.extend(frames.iter().filter(is_blurred).map(|&(light, _, _)| (view, light)));
     }
-    known.sort_by(f64::total_cmp);
-    let limit = BLURRED * known[known.len() / 2];
-    frames.iter().filter(|(_, b, s)| *b > TOO_DARK && *s < limit).map(|&(light, _, _)| light).collect()
+    found
+}
+
+/// The upper median.
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
 }
 
 #[cfg(test)]
@@ -72,7 +89,11 @@ mod tests {
         let mut frames: Vec<(usize, f64, f64)> = (0..9).map(|light| (light, 90.0, 1.0)).collect();
         frames[3].2 = 0.4;
         frames[5] = (5, 2.0, 0.1);
-        assert_eq!(blurred(&frames), [3]);
-        assert!(blurred(&[]).is_empty());
+        assert_eq!(blurred(std::slice::from_ref(&frames)), [(0, 3)]);
+        assert!(blurred(&[]).is_empty() && blurred(&[Vec::new()]).is_empty());
+        // A whole view out of focus beside two others, and one that has little texture.
+        let all = |sharpness: f64| (0..4).map(|light| (light, 90.0, sharpness)).collect::<Vec<_>>();
+        let views = [all(1.0), all(0.3), all(0.5), all(1.1)];
+        assert_eq!(blurred(&views), [(1, 0), (1, 1), (1, 2), (1, 3)]);
     }
 }

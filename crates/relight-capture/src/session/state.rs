@@ -9,15 +9,16 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use super::error::SessionError;
-use super::{Journal, Shots};
+use super::{Care, Journal, Shots};
 
 /// The folder of a session's own files, inside the scene's.
 pub const STATE: &str = ".capture";
 /// What is captured.
 const SUBJECT: &str = "session.json";
-const JOURNAL: &str = "journal.jsonl";
+pub(super) const JOURNAL: &str = "journal.jsonl";
 const FORMAT: &str = "relight-session";
-const VERSION: u64 = 1;
+/// Sessions with nothing around their photographs are of version 1, as they always were; others of version 2.
+const VERSIONS: [u64; 2] = [1, 2];
 const LONGEST: u64 = 1 << 26;
 
 /// What stands before the camera and how it is shot, in words and numbers of whoever starts the session: all that makes
@@ -32,6 +33,13 @@ struct File {
     /// Poses, row-major `[R | t]`.
     cameras: Vec<[[f64; 4]; 3]>,
     lights: Vec<[[f64; 4]; 3]>,
+    /// What is done around each photograph.
+    #[serde(default, skip_serializing_if = "is_none")]
+    care: Care,
+}
+
+fn is_none(care: &Care) -> bool {
+    *care == Care::default()
 }
 
 /// Begins a session in `out`, or opens the one that is there.
@@ -39,6 +47,7 @@ pub(super) fn open(
     out: &Path,
     subject: &Subject,
     shots: &Shots,
+    care: &Care,
     resume: bool,
 ) -> Result<Journal, SessionError> {
     let state = out.join(STATE);
@@ -46,10 +55,11 @@ pub(super) fn open(
     let poses = |poses: &[relight_scene::Pose]| poses.iter().map(|pose| pose.0).collect();
     let file = File {
         format: FORMAT.to_owned(),
-        version: VERSION,
+        version: VERSIONS[usize::from(!is_none(care))],
         subject: subject.clone(),
         cameras: poses(&shots.cameras),
         lights: poses(&shots.lights),
+        care: care.clone(),
     };
     if path.try_exists().map_err(SessionError::io(&path))? {
         if !resume {
@@ -90,10 +100,10 @@ fn compare(path: &Path, file: &File) -> Result<(), SessionError> {
         |error: serde_json::Error| other(format!("is damaged: {error}. Start anew in another folder."));
     let text = read_text(path, LONGEST)?;
     let value: Value = serde_json::from_str(&text).map_err(malformed)?;
-    if value["format"] != FORMAT || value["version"] != VERSION {
+    if value["format"] != FORMAT || !VERSIONS.iter().any(|&version| value["version"] == version) {
         let (format, version) = (&value["format"], &value["version"]);
         return Err(other(format!(
-            "is of format {format} version {version}, and only \"{FORMAT}\" version {VERSION} is known. Use the program \
+            "is of format {format} version {version}, and only \"{FORMAT}\" versions 1 and 2 are known. Use the program \
              that began the session."
         )));
     }
@@ -109,6 +119,14 @@ fn compare(path: &Path, file: &File) -> Result<(), SessionError> {
                 tell(now)
             )));
         }
+    }
+    if begun.care != file.care {
+        let tell = |care: &Care| serde_json::to_string(care).unwrap_or_default();
+        return Err(other(format!(
+            "the session was begun with the settings {}, not {}. Resume it as it was begun, or start anew in another folder.",
+            tell(&begun.care),
+            tell(&file.care)
+        )));
     }
     if (&begun.cameras, &begun.lights) != (&file.cameras, &file.lights) {
         return Err(other(

@@ -3,6 +3,8 @@ use std::fs;
 
 use super::*;
 
+mod care;
+
 /// A rig whose photographs tell where camera and light are, and which fails or stops when told to.
 #[derive(Default)]
 struct Toy {
@@ -93,7 +95,7 @@ fn a_session_shoots_each_pair_once_and_ends_in_a_scene() {
     let folder = tempfile::tempdir().unwrap();
     let mut rig = Toy::default();
     let ending = run(&mut rig, folder.path(), false, None).unwrap();
-    assert_eq!((ending, rig.shots), (Ending::Complete { blurred: Vec::new() }, 30));
+    assert_eq!((ending, rig.shots), (Ending::Complete { blurred: Vec::new(), moved: Vec::new() }, 30));
     let scene = Scene::open(folder.path()).unwrap();
     assert_eq!((scene.cameras.len(), scene.lights.len(), scene.frames.len()), (6, 5, 30));
     let frame = scene.frame(4, 3).unwrap();

@@ -272,14 +272,17 @@ impl Job<'_> {
     /// Says how a session ended.
     pub fn told(&self, ending: Ending, [views, lights]: [usize; 2], stopped: &str) -> anyhow::Result<()> {
         let out = &self.args.out;
-        let Ending::Complete { blurred } = ending else {
+        let Ending::Complete { blurred, moved } = ending else {
             bail!(
                 "stopped{stopped}; go on with the same command and --resume. What is shot so far: {}",
                 out.join(STATE).join(session::SHEET).display()
             );
         };
         for (view, light) in blurred {
-            tracing::warn!("view {view} under light {light} is blurred beside the others of its view");
+            tracing::warn!("view {view} under light {light} is blurred beside the others");
+        }
+        for (view, light) in moved {
+            tracing::warn!("view {view} under light {light}: something moved while the view was shot");
         }
         print_line(&format!("{}: {views} views under {lights} lights", out.display()))
     }

@@ -1,0 +1,70 @@
+//! What is done around each photograph beside taking it.
+
+use serde::{Deserialize, Serialize};
+
+use super::SessionError;
+
+/// Dark and flat frames, exposure brackets, and checks that nothing moved. Nothing of it is done unless asked for. It is part of
+/// what a session is, and can stand as a table of a rig file, where all of it may be left out.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Care {
+    /// Frames without light that are averaged at the session's start; 0: none.
+    pub dark_frames: u32,
+    /// Frames of an evenly lit target that are averaged at the session's start; 0: none.
+    pub flat_frames: u32,
+    /// Exposures of each photograph, as multiples of the camera's own, merged to one; none: its own alone.
+    pub exposures: Vec<f64>,
+    /// What light is multiplied by before it becomes an 8-bit image, 1 if left out.
+    pub tone: Option<f32>,
+    /// Whether the merged light is kept too, as `.capture/hdr/lsetLLL/VVVVV.exr`.
+    pub exr: bool,
+    /// How often a photograph is taken anew until it agrees with the one before; 0: the first counts.
+    pub settle_tries: u32,
+    /// Whether a view's first photograph is taken again at its end, to see that neither object nor camera moved.
+    pub movement: bool,
+    /// A factor for each light that evens out how bright the lamp was, see [`gains`](super::gains); empty: none.
+    pub light_gains: Vec<f32>,
+}
+
+impl Care {
+    /// Whether photographs are more than a frame as it came.
+    pub(super) fn works_on_light(&self) -> bool {
+        self.dark_frames > 0
+            || self.flat_frames > 0
+            || !self.exposures.is_empty()
+            || self.tone.is_some()
+            || self.exr
+            || !self.light_gains.is_empty()
+    }
+
+    /// Refuses what cannot be, for a session of so many lights.
+    pub(super) fn check(&self, lights: usize) -> Result<(), SessionError> {
+        let wrong = |problem: String| Err(SessionError::Care(problem));
+        for (name, frames) in [("dark_frames", self.dark_frames), ("flat_frames", self.flat_frames)] {
+            if frames > 1000 {
+                return wrong(format!("{name} is {frames}; give at most 1000"));
+            }
+        }
+        if self.settle_tries > 1000 {
+            return wrong(format!("settle_tries is {}; give at most 1000", self.settle_tries));
+        }
+        if let Some(multiple) = self.exposures.iter().find(|m| !(1e-4..=1e4).contains(*m)) {
+            return wrong(format!("exposures holds {multiple}; give multiples of 0.0001 to 10000"));
+        }
+        if self.exposures.len() > 16 {
+            return wrong(format!("exposures holds {} multiples; give at most 16", self.exposures.len()));
+        }
+        let factors = self.light_gains.iter().chain(&self.tone);
+        if let Some(factor) = factors.copied().find(|factor| !(1e-4..=1e4).contains(factor)) {
+            return wrong(format!("tone or light_gains holds {factor}; give factors of 0.0001 to 10000"));
+        }
+        if !self.light_gains.is_empty() && self.light_gains.len() != lights {
+            return wrong(format!(
+                "light_gains has {} factors for {lights} lights; give one a light",
+                self.light_gains.len()
+            ));
+        }
+        Ok(())
+    }
+}
