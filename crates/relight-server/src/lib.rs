@@ -5,5 +5,8 @@
 //! command line runs the same rules offline.
 
 pub mod benchmark;
+mod parallel;
 pub mod scoring;
 pub mod submission;
+
+pub use parallel::Progress;
