@@ -12,7 +12,7 @@ use std::process::ExitCode;
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand};
 
-use commands::{capture, compare, demo, eval, export, profile, query, render, scene, train};
+use commands::{capture, compare, demo, eval, export, profile, query, render, scene, submit, train};
 
 /// Turns one-light-at-a-time photographs into a scene that can be seen and lit from anywhere.
 ///
@@ -56,6 +56,7 @@ enum Command {
     Export(export::Args),
     Compare(compare::Args),
     Profile(profile::Args),
+    Submit(submit::Args),
 }
 
 fn main() -> ExitCode {
@@ -91,5 +92,6 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Export(args) => export::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Profile(args) => profile::run(&args, quiet),
+        Command::Submit(args) => submit::run(&args, quiet),
     }
 }
