@@ -161,7 +161,8 @@ fn look(
     if method != CompressionMethod::STORE && method != CompressionMethod::DEFLATE {
         tell(Code::CompressionMethod, &format!("is packed by {method:?}: zip as stored or deflated"));
     }
-    match record.mode().value() & KIND {
+    // Whatever system the zip says it is from: what another program would make of it counts.
+    match (record.external_attributes() >> 16) & KIND {
         0 | PLAIN | FOLDER => {}
         SYMLINK => tell(Code::Symlink, "is a symbolic link: put the image itself into the zip"),
         _ => tell(Code::SpecialFile, "is no plain file: put the image itself into the zip"),

@@ -163,7 +163,7 @@ pub const FAULTS: &[Fault] = &[
         case.zip.miscount = -2;
     }),
     fault("too much in all", &["total-too-large"], &[], |case, _| case.limits.total_bytes = 1000),
-    fault("empty", &["no-images"], &[], |case, _| case.zip.entries.clear()),
+    fault("empty", &["no-images"], &["zip-damaged"], |case, _| case.zip.entries.clear()),
     // Which entries there are.
     fault("missing", MISSING, &[], |case, random| {
         let n = random.below(case.zip.entries.len());
