@@ -11,7 +11,7 @@ use std::process::ExitCode;
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand};
 
-use commands::{bench, capture, compare, demo, eval, export, profile, query, render, scene, train};
+use commands::{bench, capture, compare, demo, eval, export, profile, query, render, scene, submit, train};
 
 /// Turns one-light-at-a-time photographs into a scene that can be seen and lit from anywhere.
 ///
@@ -56,6 +56,7 @@ enum Command {
     Compare(compare::Args),
     Profile(profile::Args),
     Bench(bench::Args),
+    Submit(submit::Args),
 }
 
 fn main() -> ExitCode {
@@ -92,5 +93,6 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Compare(args) => compare::run(&args),
         Command::Profile(args) => profile::run(&args, quiet),
         Command::Bench(args) => bench::run(&args, quiet),
+        Command::Submit(args) => submit::run(&args, quiet),
     }
 }

@@ -52,6 +52,63 @@ proptest! {
     }
 }
 
+/// SSIM as its definition reads, in double precision: all weights of each window, one window after another.
+fn plain_ssim(a: &[u8], b: &[u8], (w, h): (usize, usize), window: &[f64], scale: f64, margin: usize) -> f64 {
+    let radius = window.len() / 2;
+    let mirror = |i: usize, n: usize| {
+        let i = i.abs_diff(radius);
+        if i < n { i } else { 2 * (n - 1) - i }
+    };
+    let (c1, c2) = ((0.01f64 * 255.0).powi(2), (0.03f64 * 255.0).powi(2));
+    let (mut sum, mut windows) = (0.0, 0.0);
+    for (y, x, channel) in (margin..h - margin)
+        .flat_map(|y| (margin..w - margin).flat_map(move |x| (0..3).map(move |c| (y, x, c))))
+    {
+        let [mut ma, mut mb, mut aa, mut bb, mut ab] = [0.0; 5];
+        for (i, j) in (0..window.len()).flat_map(|i| (0..window.len()).map(move |j| (i, j))) {
+            let weight = window[i] * window[j];
+            let at = 3 * (mirror(y + i, h) * w + mirror(x + j, w)) + channel;
+            let (a, b) = (f64::from(a[at]), f64::from(b[at]));
+            ma += weight * a;
+            mb += weight * b;
+            aa += weight * a * a;
+            bb += weight * b * b;
+            ab += weight * a * b;
+        }
+        let (va, vb, cov) = (scale * (aa - ma * ma), scale * (bb - mb * mb), scale * (ab - ma * mb));
+        sum += (2.0 * ma * mb + c1) * (2.0 * cov + c2) / ((ma * ma + mb * mb + c1) * (va + vb + c2));
+        windows += 1.0;
+    }
+    sum / windows
+}
+
+#[test]
+fn ssim_is_its_definition_at_any_size_and_contrast() {
+    let gauss: Vec<f64> = (-5..=5).map(|d| (-0.5 * (f64::from(d) / 1.5).powi(2)).exp()).collect();
+    let gauss: Vec<f64> = gauss.iter().map(|g| g / gauss.iter().sum::<f64>()).collect();
+    // Round the sizes of strips (48) and bands (120).
+    for (w, h) in [(11, 11), (13, 132), (47, 12), (48, 14), (49, 11), (97, 126), (150, 121)] {
+        let noise = |i: usize, seed: u32| (i as u32).wrapping_mul(2_654_435_761).wrapping_add(seed) >> 16;
+        let textures: [&dyn Fn(usize) -> (u8, u8); 5] = [
+            &|i| (noise(i, 3) as u8, noise(i, 900_000) as u8),
+            &|i| ((i / 40 % 200) as u8, (i / 40 % 200 + noise(i, 1) as usize % 4) as u8),
+            &|i| ((250 + noise(i, 1) % 3) as u8, 251),
+            &|i| ((noise(i, 1) % 2) as u8, (noise(i, 1) % 3) as u8),
+            &|i| (if i / 30 % 2 == 0 { 255 } else { 0 }, if i / 31 % 2 == 0 { 250 } else { 3 }),
+        ];
+        for (n, texture) in textures.iter().enumerate() {
+            let (a, b): (Vec<u8>, Vec<u8>) = (0..3 * w * h).map(texture).unzip();
+            let size = (w as u32, h as u32);
+            let plain = plain_ssim(&a, &b, (w, h), &gauss, 1.0, 0);
+            let fast = ssim(&a, &b, size.0, size.1).unwrap();
+            assert!((fast - plain).abs() < 1e-6, "{w}x{h}, {n}: {fast} is not {plain}");
+            let plain = plain_ssim(&a, &b, (w, h), &[1.0 / 7.0; 7], 49.0 / 48.0, 3);
+            let fast = ssim_uniform7(&a, &b, size.0, size.1).unwrap();
+            assert!((fast - plain).abs() < 1e-6, "{w}x{h}, {n}: {fast} is not {plain}, uniform");
+        }
+    }
+}
+
 #[test]
 fn psnr_of_a_known_error() {
     // One level in one of three channels: mse 1/3.

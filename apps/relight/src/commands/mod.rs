@@ -10,4 +10,5 @@ pub mod profile;
 pub mod query;
 pub mod render;
 pub mod scene;
+pub mod submit;
 pub mod train;
