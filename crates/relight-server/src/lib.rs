@@ -5,6 +5,7 @@
 //! command line runs the same rules offline.
 
 pub mod benchmark;
+pub mod leaderboard;
 mod parallel;
 pub mod scoring;
 pub mod submission;
