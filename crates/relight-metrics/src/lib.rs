@@ -11,3 +11,16 @@ mod ssim;
 pub use error::MetricError;
 pub use psnr::psnr;
 pub use ssim::{ssim, ssim_uniform7};
+
+/// [`psnr`] and [`ssim`] of a picture, on the calling thread alone: for callers that score many pictures at a time.
+///
+/// # Errors
+/// As both.
+pub fn psnr_and_ssim(
+    picture: &[u8],
+    truth: &[u8],
+    width: u32,
+    height: u32,
+) -> Result<(f64, f64), MetricError> {
+    Ok((psnr(picture, truth)?, ssim(picture, truth, width, height)?))
+}

@@ -15,13 +15,13 @@ use axum::response::{IntoResponse, Response};
 use tokio::sync::Notify;
 use tower_http::catch_panic::CatchPanicLayer;
 
+use crate::Progress;
 use crate::api;
 use crate::api::ApiError;
 use crate::data_folder::{DataFolder, FolderError};
 use crate::limits::RateLimits;
 use crate::metrics::Metrics;
 use crate::receipt::{KeyError, ReceiptKey};
-use crate::scoring::Progress;
 use crate::store::{Store, StoreError, User};
 use crate::submission::Limits;
 use crate::time::Time;

@@ -16,6 +16,7 @@ pub mod disclosure;
 pub mod limits;
 pub mod method;
 pub mod metrics;
+mod parallel;
 pub mod receipt;
 pub mod scoring;
 pub mod server;
@@ -25,3 +26,5 @@ mod text;
 pub mod time;
 pub mod upload;
 pub mod worker;
+
+pub use parallel::Progress;

@@ -1,25 +1,24 @@
 //! How well a submission does.
 
-use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+mod decibels;
+mod error_map;
 
+use std::io;
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+
+use relight_metrics::{MetricError, psnr_and_ssim};
 use relight_scene::Split;
 use serde::{Deserialize, Serialize};
 
-use crate::benchmark::{Benchmark, BenchmarkError};
-use crate::submission::{Limits, Refusal, Submission};
+pub use error_map::{FULL_ERROR, error_map};
+
+use crate::benchmark::{Benchmark, BenchmarkError, SCORED};
+use crate::parallel::Progress;
+use crate::submission::{Limits, Refusal, Submission, SubmissionError};
 
 /// Names this way of scoring; changes whenever any digit of any score may.
 pub const EVALUATOR: &str = concat!("relight ", env!("CARGO_PKG_VERSION"), ", scores 1");
-
-/// How far a long job is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Progress {
-    /// Images done.
-    pub done: usize,
-    /// Images in all.
-    pub all: usize,
-}
 
 /// The scores of a submission, not rounded.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -42,6 +41,7 @@ pub struct Mean {
     /// Images that it has.
     pub images: usize,
     /// PSNR, decibels. Infinite (in JSON null) if an image equals the ground truth.
+    #[serde(with = "decibels")]
     pub psnr: f64,
     /// SSIM with a Gaussian window.
     pub ssim: f64,
@@ -68,6 +68,7 @@ pub struct ImageScore {
     /// The light's label.
     pub light: usize,
     /// PSNR, decibels. Infinite (in JSON null) if the image equals the ground truth.
+    #[serde(with = "decibels")]
     pub psnr: f64,
     /// SSIM with a Gaussian window.
     pub ssim: f64,
@@ -76,54 +77,100 @@ pub struct ImageScore {
 /// Why a submission has no scores.
 #[derive(Debug, thiserror::Error)]
 pub enum ScoringError {
-    /// An image of the submission cannot be decoded: what [`check`](crate::submission::check) would have told.
+    /// An image of the submission is bad: what [`check`](crate::submission::check) would have told.
     #[error(transparent)]
     Refused(#[from] Refusal),
     /// Ground truth cannot be read. No fault of the submission's.
     #[error(transparent)]
     Truth(#[from] BenchmarkError),
+    /// Two images do not compare: they are smaller than the window of SSIM.
+    #[error("{entry}: {source}")]
+    Metric {
+        /// The image's name in the zip.
+        entry: String,
+        /// Why.
+        source: MetricError,
+    },
     /// The zip cannot be read from the disk. No fault of the submission's.
     #[error("{path}: cannot be read: {source}")]
     Io {
         /// The zip.
         path: PathBuf,
         /// Why.
-        source: std::io::Error,
+        source: io::Error,
     },
     /// The caller asked to stop.
     #[error("stopped before all images were scored")]
     Stopped,
 }
 
-/// Scores a submission that [`inspect`](crate::submission::inspect) or [`check`](crate::submission::check) let pass, with
-/// as many threads as the current rayon pool has, one image on each at a time. The same submission has the same scores to
-/// the last digit, whatever the number of threads.
+impl From<SubmissionError> for ScoringError {
+    fn from(error: SubmissionError) -> ScoringError {
+        match error {
+            SubmissionError::Refused(refusal) => ScoringError::Refused(refusal),
+            SubmissionError::Io { path, source } => ScoringError::Io { path, source },
+            SubmissionError::Stopped => ScoringError::Stopped,
+        }
+    }
+}
+
+/// Scores a submission that [`inspect`](crate::submission::inspect) or [`check`](crate::submission::check) let pass: PSNR and SSIM
+/// (11x11 Gaussian window of sigma 1.5) of its 8-bit pictures at full size. As many images at a time as the current rayon pool has
+/// threads, one on each. The same submission has the same scores to the last digit, whatever the number of threads.
 ///
 /// # Errors
-/// [`ScoringError`]; whose fault it is shows in the kind.
+/// [`ScoringError`]; its kind tells whose fault it is.
 pub fn score(
     submission: &Submission,
     benchmark: &Benchmark,
     limits: &Limits,
     progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<Scores, ScoringError> {
-    let _ = (benchmark, limits);
-    if progress(Progress { done: 0, all: submission.images.len() }).is_break() {
-        return Err(ScoringError::Stopped);
-    }
-    Ok(Scores { evaluator: EVALUATOR.to_owned(), means: Vec::new(), scenes: Vec::new(), images: Vec::new() })
+    let one = |index: usize, rgb: &[u8]| -> Result<ImageScore, ScoringError> {
+        let submitted = &submission.images[index];
+        let scene = &benchmark.scenes[submitted.scene];
+        let image = &scene.images[submitted.image];
+        let truth = image.read_truth()?;
+        let (psnr, ssim) = psnr_and_ssim(rgb, &truth.data, truth.width, truth.height)
+            .map_err(|source| ScoringError::Metric { entry: image.entry.clone(), source })?;
+        let (camera, light) = (image.camera, image.light);
+        Ok(ImageScore { scene: scene.name.clone(), split: image.split, camera, light, psnr, ssim })
+    };
+    let images = submission.each_image(benchmark, limits, one, progress)?;
+    let scenes: Vec<SceneScores> =
+        benchmark.scenes.iter().map(|scene| scene_scores(&scene.name, &images)).collect();
+    let over_scenes = |split: Split| {
+        let means: Vec<Mean> = scenes
+            .iter()
+            .flat_map(|scene| &scene.means)
+            .filter(|mean| mean.split == split)
+            .copied()
+            .collect();
+        let images = means.iter().map(|mean| mean.images).sum();
+        mean(split, images, means.iter().map(|mean| (mean.psnr, mean.ssim)))
+    };
+    let means = SCORED.into_iter().filter_map(over_scenes).collect();
+    Ok(Scores { evaluator: EVALUATOR.to_owned(), means, scenes, images })
 }
 
-/// The picture of where a submitted image errs, as a PNG file's bytes. Tells the ground truth apart to whoever sees it: for
-/// splits whose ground truth is public.
-///
-/// # Errors
-/// As [`score`]; `image` is an index of the submission's images.
-pub fn error_map(
-    submission: &Submission,
-    benchmark: &Benchmark,
-    image: usize,
-) -> Result<Vec<u8>, ScoringError> {
-    let _ = (submission, benchmark, image, Path::new(""));
-    Ok(Vec::new())
+fn scene_scores(scene: &str, images: &[ImageScore]) -> SceneScores {
+    let of_split = |split: Split| {
+        let scores: Vec<(f64, f64)> = images
+            .iter()
+            .filter(|image| image.scene == scene && image.split == split)
+            .map(|image| (image.psnr, image.ssim))
+            .collect();
+        mean(split, scores.len(), scores.into_iter())
+    };
+    SceneScores { scene: scene.to_owned(), means: SCORED.into_iter().filter_map(of_split).collect() }
+}
+
+/// The mean of scores, summed in their order; none of none.
+fn mean(split: Split, images: usize, scores: impl ExactSizeIterator<Item = (f64, f64)>) -> Option<Mean> {
+    let n = scores.len() as f64;
+    if images == 0 {
+        return None;
+    }
+    let (psnr, ssim) = scores.fold((0.0, 0.0), |(psnr, ssim), (p, s)| (psnr + p, ssim + s));
+    Some(Mean { split, images, psnr: psnr / n, ssim: ssim / n })
 }

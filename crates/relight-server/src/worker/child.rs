@@ -10,6 +10,8 @@ use relight_scene::Split;
 use sha2::{Digest, Sha256};
 
 use super::job::{Job, Report};
+use super::pictures::draw;
+use crate::Progress;
 use crate::benchmark::Benchmark;
 use crate::method::Phase;
 use crate::receipt::to_hex;
@@ -88,7 +90,7 @@ fn do_job(job: &Job) -> Result<Report, String> {
     }
     let mut told = Instant::now();
     let mut lost = None;
-    let mut progress = |progress: crate::scoring::Progress| {
+    let mut progress = |progress: Progress| {
         if told.elapsed() >= EVERY {
             told = Instant::now();
             lost = tell(&Report::Progress { done: progress.done, all: progress.all }).err();
@@ -96,7 +98,14 @@ fn do_job(job: &Job) -> Result<Report, String> {
         if lost.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     match score(&submission, &benchmark, &limits, &mut progress) {
-        Ok(scores) => Ok(Report::Scored { scores: Box::new(scores) }),
+        Ok(scores) => {
+            // Scores without pictures are better than none.
+            let drawn = draw(&submission, &benchmark, &limits, &job.pictures);
+            if let Err(error) = drawn {
+                eprintln!("pictures of {} are not drawn: {error}", job.zip.display());
+            }
+            Ok(Report::Scored { scores: Box::new(scores) })
+        }
         // Scoring stops at the first image that does not decode; whoever sent it is told of all.
         Err(ScoringError::Refused(first)) => match check(&job.zip, &benchmark, &limits, &mut progress) {
             Ok(_) => Ok(refusal(first)),

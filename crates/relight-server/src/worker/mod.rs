@@ -5,6 +5,7 @@
 
 mod child;
 mod job;
+pub mod pictures;
 
 use std::path::PathBuf;
 use std::process::Stdio;
@@ -18,11 +19,12 @@ use tokio::sync::watch;
 pub use child::run;
 pub use job::{Job, Report};
 
+use crate::Progress;
 use crate::app::AppState;
 use crate::data_folder::{FolderError, io_at, remove};
 use crate::disclosure::tell;
 use crate::receipt::Receipt;
-use crate::scoring::{Progress, Scores};
+use crate::scoring::Scores;
 use crate::store::{Claim, StoreError, Verdict};
 use crate::time::Time;
 
