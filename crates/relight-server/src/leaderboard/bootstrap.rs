@@ -31,8 +31,7 @@ pub(super) fn deviations(images: &[ImageScore], split: Split) -> [Option<(f64, f
     for (stream, images) in scenes.values_mut().enumerate() {
         images.sort_by_key(|image| (image.camera, image.light));
         let n = images.len() as f64;
-        let mean =
-            images.iter().fold([0.0; 2], |[p, s], image| [p + image.psnr / n, s + image.ssim / n]);
+        let mean = images.iter().fold([0.0; 2], |[p, s], image| [p + image.psnr / n, s + image.ssim / n]);
         let from_mean: Vec<[f64; 2]> =
             images.iter().map(|image| [image.psnr - mean[0], image.ssim - mean[1]]).collect();
         let random = Random::new(SEED, stream as u64);

@@ -21,6 +21,7 @@ use ranks::ranks;
 
 pub use bootstrap::{CONFIDENCE, RESAMPLES};
 pub use export::{JsonBoard, to_csv, to_json};
+pub(crate) use view::percent_encoded;
 pub use view::{Column, View, ViewError, ViewQuery};
 
 /// What images are compared by.

@@ -1,36 +1,25 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::scoring::{EVALUATOR, ImageScore, SceneScores};
+use crate::scoring::ImageScore;
 
 /// Scores by scene, and in a scene by split, of image after image: PSNR and SSIM.
 type Rows<'a> = &'a [(&'a str, Split, &'a [(f64, f64)])];
 
 fn scores(rows: Rows<'_>) -> Scores {
-    let mean = |split: Split, values: &[(f64, f64)]| {
-        let n = values.len() as f64;
-        let sum = values.iter().fold((0.0, 0.0), |sum, value| (sum.0 + value.0, sum.1 + value.1));
-        Mean { split, images: values.len(), psnr: sum.0 / n, ssim: sum.1 / n }
+    let of_row = |&(scene, split, values): &(&str, Split, &[(f64, f64)])| {
+        let scene = scene.to_owned();
+        let image = move |(camera, &(psnr, ssim))| ImageScore {
+            scene: scene.clone(),
+            split,
+            camera,
+            light: 7,
+            psnr,
+            ssim,
+        };
+        values.iter().enumerate().map(image).collect::<Vec<_>>()
     };
-    let (mut images, mut scenes, mut means) = (Vec::new(), Vec::<SceneScores>::new(), Vec::new());
-    for &(scene, split, values) in rows {
-        for (camera, &(psnr, ssim)) in values.iter().enumerate() {
-            images.push(ImageScore { scene: scene.into(), split, camera, light: 7, psnr, ssim });
-        }
-        let mean = mean(split, values);
-        match scenes.iter_mut().find(|known| known.scene == scene) {
-            Some(known) => known.means.push(mean),
-            None => scenes.push(SceneScores { scene: scene.into(), means: vec![mean] }),
-        }
-    }
-    for split in SCORED {
-        let of_split = scenes.iter().flat_map(|scene| &scene.means).filter(|mean| mean.split == split);
-        let values: Vec<(f64, f64)> = of_split.map(|mean| (mean.psnr, mean.ssim)).collect();
-        if !values.is_empty() {
-            means.push(mean(split, &values));
-        }
-    }
-    Scores { evaluator: EVALUATOR.into(), means, scenes, images }
+    Scores::of(rows.iter().flat_map(of_row).collect())
 }
 
 fn entry(id: &str, scores: Scores) -> Entry {
