@@ -15,22 +15,21 @@ use signal_hook::flag;
 /// Time between plain lines of progress.
 const LINE_EVERY: Duration = Duration::from_secs(10);
 
-/// Sends logs to standard error: warnings, or more with `verbose`, or errors only.
-pub fn start_logging(verbose: u8, quiet: bool) {
-    let level = match (quiet, verbose) {
+/// Sends logs to standard error: warnings, or more with `verbose`, or errors only. A server tells more, and when.
+pub fn start_logging(verbose: u8, quiet: bool, is_server: bool) {
+    let level = match (quiet, verbose.saturating_add(is_server.into())) {
         (true, _) => tracing::Level::ERROR,
         (_, 0) => tracing::Level::WARN,
         (_, 1) => tracing::Level::INFO,
         (_, 2) => tracing::Level::DEBUG,
         _ => tracing::Level::TRACE,
     };
-    tracing_subscriber::fmt()
+    let logs = tracing_subscriber::fmt()
         .with_max_level(level)
         .with_writer(std::io::stderr)
         .with_ansi(std::io::stderr().is_terminal())
-        .with_target(false)
-        .without_time()
-        .init();
+        .with_target(false);
+    if is_server { logs.init() } else { logs.without_time().init() }
 }
 
 /// Writes `value` to standard output as JSON on one line.

@@ -12,7 +12,7 @@ use std::process::ExitCode;
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand};
 
-use commands::{capture, compare, demo, eval, export, profile, query, render, scene, train};
+use commands::{capture, compare, demo, eval, export, profile, query, render, scene, serve, train};
 
 /// Turns one-light-at-a-time photographs into a scene that can be seen and lit from anywhere.
 ///
@@ -56,6 +56,7 @@ enum Command {
     Export(export::Args),
     Compare(compare::Args),
     Profile(profile::Args),
+    Serve(serve::Args),
 }
 
 fn main() -> ExitCode {
@@ -65,7 +66,8 @@ fn main() -> ExitCode {
     {
         Cli::command().error(ErrorKind::ValueValidation, error).exit();
     }
-    console::start_logging(cli.verbose, cli.quiet);
+    let is_server = matches!(&cli.command, Command::Serve(args) if args.is_server());
+    console::start_logging(cli.verbose, cli.quiet, is_server);
     match run(cli) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
@@ -91,5 +93,6 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Export(args) => export::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Profile(args) => profile::run(&args, quiet),
+        Command::Serve(args) => serve::run(&args, quiet),
     }
 }

@@ -8,8 +8,10 @@
 //! scored, one after another, by child processes ([`worker`]).
 
 pub mod accounts;
+pub mod admin;
 pub mod api;
 pub mod app;
+pub mod backup;
 pub mod benchmark;
 pub mod data_folder;
 pub mod disclosure;

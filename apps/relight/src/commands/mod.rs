@@ -9,4 +9,5 @@ pub mod profile;
 pub mod query;
 pub mod render;
 pub mod scene;
+pub mod serve;
 pub mod train;

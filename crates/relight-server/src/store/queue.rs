@@ -1,6 +1,7 @@
 //! The queue: which submission is scored next, and what became of it. Each step is one transaction that names the state it
 //! starts from, so that a step that was interrupted can be taken again and none can be taken twice.
 
+use std::collections::{HashMap, HashSet};
 use std::time::Duration;
 
 use sqlx::Row;
@@ -136,8 +137,8 @@ impl Store {
         Ok(())
     }
 
-    /// Puts a submission back that was being scored, `interrupted` if it is to go on as soon as it can, and otherwise because
-    /// scoring failed through no fault of the submission's: then it waits, and the failure is counted.
+    /// Puts a submission back that was being scored: to go on as soon as possible, or because scoring failed, and why, and how
+    /// long it shall wait; the failure is counted then.
     ///
     /// # Errors
     /// If the database fails.
@@ -181,12 +182,23 @@ impl Store {
     ///
     /// # Errors
     /// If the database fails.
-    pub async fn kept_zips(&self) -> Result<std::collections::HashMap<String, String>, StoreError> {
+    pub async fn kept_zips(&self) -> Result<HashMap<String, String>, StoreError> {
         let rows = sqlx::query(
             "SELECT id, sha256 FROM submissions WHERE state <> 'refused' AND (withdrawn_at IS NULL OR state = 'scoring')",
         )
         .fetch_all(&self.readers)
         .await?;
         rows.iter().map(|row| Ok((row.try_get("id")?, row.try_get("sha256")?))).collect()
+    }
+
+    /// The names of the submissions that have no verdict yet.
+    ///
+    /// # Errors
+    /// If the database fails.
+    pub async fn waiting(&self) -> Result<HashSet<String>, StoreError> {
+        let rows = sqlx::query("SELECT id FROM submissions WHERE state IN ('queued', 'scoring')")
+            .fetch_all(&self.readers)
+            .await?;
+        rows.iter().map(|row| Ok(row.try_get("id")?)).collect()
     }
 }

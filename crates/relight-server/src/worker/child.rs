@@ -100,8 +100,7 @@ fn do_job(job: &Job) -> Result<Report, String> {
     match score(&submission, &benchmark, &limits, &mut progress) {
         Ok(scores) => {
             // Scores without pictures are better than none.
-            let drawn = draw(&submission, &benchmark, &limits, &job.pictures);
-            if let Err(error) = drawn {
+            if let Err(error) = draw(&submission, &benchmark, &limits, &job.pictures) {
                 eprintln!("pictures of {} are not drawn: {error}", job.zip.display());
             }
             Ok(Report::Scored { scores: Box::new(scores) })

@@ -110,10 +110,12 @@ async fn score_one(
             reason: format!("it cannot be scored within the server's limits: {why}"),
             problems: None,
         },
-        Ended::Crashed(why) | Ended::Failed(why) => {
-            app.metrics.failed.fetch_add(1, Ordering::Relaxed);
-            tracing::error!(submission = claim.id, why, "scoring failed; it is tried again later");
-            put_back(app, claim, Some(&why)).await;
+        Ended::Crashed(why) => {
+            failed(app, claim, &why, Duration::ZERO).await;
+            return Ok(());
+        }
+        Ended::Failed(why) => {
+            failed(app, claim, &why, WAIT * 2u32.pow(claim.failures.min(LONGEST_WAIT))).await;
             return Ok(());
         }
         Ended::Stopped => {
@@ -251,11 +253,17 @@ async fn listen(app: &AppState, id: &str, output: ChildStdout) -> Option<Report>
     last
 }
 
+/// Back into the queue after something else than a verdict.
+async fn failed(app: &AppState, claim: &Claim, why: &str, wait: Duration) {
+    app.metrics.failed.fetch_add(1, Ordering::Relaxed);
+    tracing::error!(submission = claim.id, why, "scoring failed; it is tried again");
+    put_back(app, claim, Some((why, wait))).await;
+}
+
 /// Back into the queue, whatever it takes: a submission that stays `scoring` would wait for the next start.
-async fn put_back(app: &AppState, claim: &Claim, failure: Option<&str>) {
-    let wait = WAIT * 2u32.pow(claim.failures.min(LONGEST_WAIT));
+async fn put_back(app: &AppState, claim: &Claim, failure: Option<(&str, Duration)>) {
     for _ in 0..5 {
-        match app.store.put_back(&claim.id, failure.map(|why| (why, wait)), Time::now()).await {
+        match app.store.put_back(&claim.id, failure, Time::now()).await {
             Ok(()) => return,
             Err(error) => tracing::error!(submission = claim.id, %error, "it cannot be put back"),
         }
