@@ -98,7 +98,7 @@ fn a_backup_taken_from_a_running_server_is_a_server_again() {
     assert_eq!(server.get("/api/v1/receipt-key", None).json(), key);
     let zip = |data: &str| fs::read(board.path(data).join(format!("submissions/{id}.zip"))).unwrap();
     assert_eq!(zip("restored"), zip("data"));
-    assert_eq!(fs::read_dir(restored.join("pictures").join(&id)).unwrap().count(), 4);
+    assert_eq!(fs::read_dir(restored.join("pictures").join(&id)).unwrap().count(), 6);
     let id = server.submit("", &board.token, &board.zip(2, false));
     assert_eq!(server.verdict(&id, &board.token)["state"], "scored");
 }

@@ -3,11 +3,11 @@
 
 document.documentElement.classList.add("scripted");
 
-/** What a cell is sorted by: a number where it is one. */
-const key = (row, column) => {
-  const value = row.cells[column]?.dataset.value ?? "";
-  const number = Number(value);
-  return value !== "" && !Number.isNaN(number) ? number : value;
+/** What a cell is sorted by: a number where it is one, except in names. */
+const key = ({ cells }, column) => {
+  const { tagName, dataset } = cells[column];
+  const number = Number(dataset.value);
+  return tagName === "TH" || Number.isNaN(number) ? dataset.value : number;
 };
 
 const compare = (a, b) => (a < b ? -1 : a > b ? 1 : 0);
