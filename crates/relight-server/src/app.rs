@@ -177,6 +177,12 @@ pub fn router(app: AppState) -> Router {
         .layer(DefaultBodyLimit::max(BODY))
         .layer(middleware::from_fn(in_time));
     let uploads = Router::new().merge(api::upload_routes()).layer(DefaultBodyLimit::disable());
+    let nothing = async || ApiError::new(StatusCode::NOT_FOUND, "there is nothing at this address");
+    guarded(app, quick.merge(uploads).fallback(nothing))
+}
+
+/// Routes within what holds for all: panics are caught, clients limited, answers counted.
+fn guarded(app: AppState, routes: Router<AppState>) -> Router {
     let counted = Arc::clone(&app);
     let panicked = move |panic: Box<dyn std::any::Any + Send>| {
         counted.metrics.panics.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
@@ -185,9 +191,7 @@ pub fn router(app: AppState) -> Router {
         tracing::error!(panic = text, "a handler panicked");
         ApiError::internal().into_response()
     };
-    quick
-        .merge(uploads)
-        .fallback(async || ApiError::new(StatusCode::NOT_FOUND, "there is nothing at this address"))
+    routes
         .layer(CatchPanicLayer::custom(panicked))
         .layer(middleware::from_fn_with_state(Arc::clone(&app), observed))
         .with_state(app)
@@ -229,3 +233,6 @@ async fn observed(State(app): State<AppState>, mut request: Request, next: Next)
     }
     response
 }
+
+#[cfg(test)]
+mod tests;
