@@ -110,7 +110,11 @@ fn the_servers_pages_work() {
     let hostile = "%3Cscript%3Ealert(1)%3C/script%3E%20%F0%9F%94%A6%20";
     let mut ids = Vec::new();
     for (salt, name) in [(1, "one"), (9, "nine"), (3, &format!("{hostile}{}", "W".repeat(150)))] {
-        ids.push(server.submit(&format!("method={name}&authors=A.%20Author"), &board.token, &board.zip(salt, true)));
+        ids.push(server.submit(
+            &format!("method={name}&authors=A.%20Author"),
+            &board.token,
+            &board.zip(salt, true),
+        ));
         assert_eq!(server.verdict(&ids[ids.len() - 1], &board.token)["state"], "scored");
     }
     let mut browser = Browser::start(&board.path("browser"));
@@ -123,7 +127,9 @@ fn the_servers_pages_work() {
     browser.follow("form.stack button");
     browser.fill("#token-name", "laptop");
     browser.follow("form.row button");
-    assert!(browser.ask("document.querySelector('#token').textContent").as_str().unwrap().starts_with("relight_"));
+    assert!(
+        browser.ask("document.querySelector('#token').textContent").as_str().unwrap().starts_with("relight_")
+    );
 
     // Uploads a zip on the page, sees it being scored and then its scores, without touching anything.
     std::fs::write(board.path("mine.zip"), board.zip(5, true)).unwrap();
@@ -153,11 +159,15 @@ fn the_servers_pages_work() {
     assert_eq!(browser.ask(clip), "inset(0px 0px 0px 53%)");
     browser.press("Home", 36);
     browser.wait(&format!("{at_percent} === '0%'"));
-    assert_eq!(browser.ask("document.querySelector('.compare input').getAttribute('aria-valuetext')"), "0 % photograph");
+    assert_eq!(
+        browser.ask("document.querySelector('.compare input').getAttribute('aria-valuetext')"),
+        "0 % photograph"
+    );
 
     // Sorting in place, by the keyboard; the address follows, and the server sorts the same way.
     let address = at("/benchmarks/tiny?split=easy");
-    let order = "[...document.querySelectorAll('tr[data-text] th a')].map(a => a.textContent.slice(0, 4)).join()";
+    let order =
+        "[...document.querySelectorAll('tr[data-text] th a')].map(a => a.textContent.slice(0, 4)).join()";
     browser.open(&address);
     assert_eq!(browser.ask(order), "one,<scr,mine,nine");
     browser.ask("window.isOld = true; document.querySelector('thead th a').focus()");
@@ -183,11 +193,12 @@ fn the_servers_pages_work() {
     browser.fill("#q", "NIN");
     browser.wait("[...document.querySelectorAll('tr[data-text]')].filter(row => !row.hidden).length === 1");
 
-    let mut pages: Vec<String> = ["/", "/benchmarks/tiny", "/benchmarks/tiny?split=val&metric=ssim", "/benchmarks/tiny/submit"]
-        .into_iter()
-        .chain(["/benchmarks/tiny/upload", "/account", "/account/submissions", &mine])
-        .map(at)
-        .collect();
+    let mut pages: Vec<String> =
+        ["/", "/benchmarks/tiny", "/benchmarks/tiny?split=val&metric=ssim", "/benchmarks/tiny/submit"]
+            .into_iter()
+            .chain(["/benchmarks/tiny/upload", "/account", "/account/submissions", &mine])
+            .map(at)
+            .collect();
     pages.extend(ids.iter().map(|id| at(&format!("/submissions/{id}"))));
     looks_right(&mut browser, &pages);
     browser.open(&at("/account"));

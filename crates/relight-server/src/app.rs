@@ -186,6 +186,11 @@ pub fn router(app: AppState) -> Router {
         .merge(api::upload_routes())
         .merge(pages::upload_routes())
         .layer(DefaultBodyLimit::disable());
+    guarded(app, quick.merge(uploads).fallback(pages::nothing))
+}
+
+/// Routes within what holds for all: panics are caught, clients limited, answers counted, browsers told what not to do.
+fn guarded(app: AppState, routes: Router<AppState>) -> Router {
     let counted = Arc::clone(&app);
     let panicked = move |panic: Box<dyn std::any::Any + Send>| {
         counted.metrics.panics.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
@@ -194,12 +199,10 @@ pub fn router(app: AppState) -> Router {
         tracing::error!(panic = text, "a handler panicked");
         ApiError::internal().into_response()
     };
-    quick
-        .merge(uploads)
-        .fallback(pages::nothing)
+    routes
         .layer(CatchPanicLayer::custom(panicked))
         .layer(middleware::from_fn_with_state(Arc::clone(&app), observed))
-        .layer(middleware::from_fn(pages::guarded))
+        .layer(middleware::from_fn(pages::told_to_browsers))
         .with_state(app)
 }
 
@@ -239,3 +242,6 @@ async fn observed(State(app): State<AppState>, mut request: Request, next: Next)
     }
     response
 }
+
+#[cfg(test)]
+mod tests;

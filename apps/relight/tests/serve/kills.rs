@@ -57,15 +57,14 @@ fn survive(kills: u64) {
         let server = board.start();
         // Moments that differ from one start to the next, from before the first upload to amid the scoring of several.
         let moment = Duration::from_millis((i * i * 37 + i * 91) % 401);
+        let address = server.address;
         let sent = std::thread::scope(|scope| {
-            let senders: Vec<_> =
-                (0..2).map(|_| scope.spawn(|| send(server.address, &board.token, &zips, &next))).collect();
+            let send = || send(address, &board.token, &zips, &next);
+            let senders = [scope.spawn(send), scope.spawn(send)];
             std::thread::sleep(moment);
-            let killed = std::process::Command::new("kill").args(["-KILL", &server.id().to_string()]);
-            assert!({ killed }.status().unwrap().success());
+            server.kill();
             senders.into_iter().flat_map(|sender| sender.join().unwrap()).collect::<Vec<_>>()
         });
-        server.kill();
         accepted.extend(sent);
         check_files(&board, &sums);
     }

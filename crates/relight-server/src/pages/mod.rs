@@ -64,7 +64,7 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; i
                       form-action 'self'; base-uri 'none'; frame-ancestors 'none'";
 
 /// Tells browsers, with every answer, what not to do with it.
-pub(crate) async fn guarded(request: Request, next: Next) -> Response {
+pub(crate) async fn told_to_browsers(request: Request, next: Next) -> Response {
     let is_known = request.headers().contains_key(header::COOKIE);
     let mut response = next.run(request).await;
     let headers = response.headers_mut();

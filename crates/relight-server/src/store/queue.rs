@@ -7,7 +7,7 @@ use std::time::Duration;
 use sqlx::Row;
 
 use super::benchmarks::benchmark;
-use super::{BenchmarkEntry, Store, StoreError, audit, damaged};
+use super::{BenchmarkEntry, Store, StoreError, Writing, audit, damaged};
 use crate::method::Phase;
 use crate::receipt::Receipt;
 use crate::scoring::Scores;
@@ -50,15 +50,30 @@ pub enum Verdict {
     },
 }
 
+/// What was withdrawn while it was being scored, and has come back unscored, is not scored again.
+async fn end_withdrawn(writing: &mut Writing, now: Time) -> Result<(), StoreError> {
+    sqlx::query(
+        "UPDATE submissions SET state = 'refused', counted = 0, finished_at = ?, \
+         reason = 'withdrawn before it was scored' WHERE state = 'queued' AND withdrawn_at IS NOT NULL",
+    )
+    .bind(now.0)
+    .execute(&mut **writing)
+    .await?;
+    Ok(())
+}
+
 impl Store {
     /// Puts back what a server that was killed was scoring. For the start of the one process that scores.
     ///
     /// # Errors
     /// If the database fails.
     pub async fn requeue_interrupted(&self) -> Result<u64, StoreError> {
+        let mut writing = self.write().await?;
         let changed = sqlx::query("UPDATE submissions SET state = 'queued' WHERE state = 'scoring'")
-            .execute(&self.writer)
+            .execute(&mut *writing)
             .await?;
+        end_withdrawn(&mut writing, Time::now()).await?;
+        writing.commit().await?;
         Ok(changed.rows_affected())
     }
 
@@ -159,6 +174,7 @@ impl Store {
         .bind(failure.is_some())
         .execute(&mut *writing)
         .await?;
+        end_withdrawn(&mut writing, now).await?;
         if let Some((why, _)) = failure {
             audit::note(&mut writing, now, "server", "scoring-failed", id, why).await?;
         }

@@ -194,6 +194,24 @@ async fn what_a_kill_interrupted_is_claimed_again_and_failures_wait() {
 }
 
 #[tokio::test]
+async fn what_is_withdrawn_while_it_is_scored_is_not_scored_again() {
+    let (_folder, store, user) = store().await;
+    for id in ["a", "b", "c"] {
+        submit(&store, &user, id, NOON).await.unwrap();
+        store.claim(NOON).await.unwrap().unwrap();
+        store.withdraw(id, Some(user.id), "ada", NOON).await.unwrap();
+    }
+    store.finish("a", &scored(), NOON).await.unwrap();
+    store.put_back("b", None, NOON).await.unwrap();
+    assert_eq!(store.requeue_interrupted().await.unwrap(), 1);
+    assert!(store.claim(NOON.after(HOUR)).await.unwrap().is_none());
+    let states = store.submissions(Listing::OfUser(user.id)).await.unwrap();
+    let states: Vec<_> = states.iter().map(|entry| entry.state).collect();
+    assert_eq!(states, [State::Refused, State::Refused, State::Scored]);
+    assert!(store.kept_zips().await.unwrap().is_empty());
+}
+
+#[tokio::test]
 async fn boards_show_what_is_public_and_say_when_they_change() {
     let (_folder, store, user) = store().await;
     let benchmark = store.benchmark("b").await.unwrap();

@@ -10,7 +10,7 @@ use relight_server::backup::{backup, restore};
 use relight_server::data_folder::DataFolder;
 use relight_server::method::Phase;
 use relight_server::store::{
-    BenchmarkEntry, Listing, Quota, SignUpPolicy, Store, SubmissionEntry, UserStatus,
+    BenchmarkEntry, Listing, Quota, SignUpPolicy, State, Store, SubmissionEntry, UserStatus,
 };
 use relight_server::time::Time;
 use serde_json::json;
@@ -250,7 +250,12 @@ async fn run_on(command: &Command, folder: &DataFolder, store: &Store, quiet: bo
         Command::Pin { submission } => Ok(store.set_pinned(submission, true).await?),
         Command::Unpin { submission } => Ok(store.set_pinned(submission, false).await?),
         Command::Withdraw { submission } => {
-            Ok(store.withdraw(submission, None, "admin", Time::now()).await?)
+            store.withdraw(submission, None, "admin", Time::now()).await?;
+            // Of what is being scored the server needs the zip, and removes it afterwards.
+            match store.submission(submission).await?.state {
+                State::Scoring => Ok(()),
+                _ => Ok(folder.forget(submission)?),
+            }
         }
         Command::Audit { last, json } => {
             for entry in store.audit(*last).await? {
