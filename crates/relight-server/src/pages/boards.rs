@@ -1,10 +1,15 @@
 //! Leaderboards kept ready: worked out when something changes, drawn once, then only copied to whoever asks.
 
 use std::collections::HashMap;
+use std::io::Write as _;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
+use axum::http::{HeaderMap, header};
+use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
+use flate2::Compression;
+use flate2::write::GzEncoder;
 
 use super::board;
 use super::home::Card;
@@ -50,7 +55,7 @@ pub struct Board {
     pub benchmark: BenchmarkEntry,
     /// Its tables.
     pub tables: Leaderboard,
-    drawn: Mutex<HashMap<Drawing, Bytes>>,
+    drawn: Mutex<HashMap<Drawing, Drawn>>,
 }
 
 /// A leaderboard in a form that is sent.
@@ -212,18 +217,55 @@ impl Snapshot {
     }
 }
 
+/// A drawing, as it is sent to many.
+#[derive(Clone, Debug)]
+pub struct Drawn {
+    plain: Bytes,
+    /// The same, packed with gzip; only of what is drawn once for many and holds nobody's secret.
+    packed: Option<Bytes>,
+}
+
+impl Drawn {
+    fn plain(text: String) -> Drawn {
+        Drawn { plain: Bytes::from(text), packed: None }
+    }
+
+    fn packed(self) -> Drawn {
+        let mut encoder = GzEncoder::new(Vec::new(), Compression::default());
+        // Writing to memory does not fail; if it did, the plain drawing would be sent.
+        let packed = encoder.write_all(&self.plain).and_then(|()| encoder.finish());
+        Drawn { packed: packed.ok().map(Bytes::from), ..self }
+    }
+
+    /// The answer that sends it to someone who asked with these headers.
+    pub fn answer(self, kind: &'static str, asked: &HeaderMap) -> Response {
+        let takes = asked.get(header::ACCEPT_ENCODING).and_then(|value| value.to_str().ok());
+        let takes_gzip = takes.is_some_and(|list| {
+            list.split(',').any(|one| {
+                let (name, weight) = one.split_once(';').unwrap_or((one, ""));
+                name.trim() == "gzip" && !["q=0", "q=0.0"].contains(&weight.trim())
+            })
+        });
+        let headers = [(header::CONTENT_TYPE, kind), (header::VARY, "accept, accept-encoding, cookie")];
+        match self.packed.filter(|_| takes_gzip) {
+            Some(packed) => (headers, [(header::CONTENT_ENCODING, "gzip")], packed).into_response(),
+            None => (headers, self.plain).into_response(),
+        }
+    }
+}
+
 impl Board {
     /// The page of a view.
-    pub fn page(&self, view: &View, visitor: &Visitor) -> Bytes {
+    pub fn page(&self, view: &View, visitor: &Visitor) -> Drawn {
         let title = format!("{}, {}", self.benchmark.name, board::split_title(view.split).0);
         let whole = || {
             let middle =
                 self.always(Drawing::Middle(view.clone()), || board::board(&self.tables, view).into_string());
-            let middle = maud::PreEscaped(String::from_utf8_lossy(&middle).into_owned());
+            let middle = maud::PreEscaped(String::from_utf8_lossy(&middle.plain).into_owned());
             page(Some(visitor), &title, &middle).into_string()
         };
         match visitor.name {
-            Some(_) => Bytes::from(whole()),
+            Some(_) => Drawn::plain(whole()),
             None => self.always(Drawing::Page(view.clone()), whole),
         }
     }
@@ -232,7 +274,7 @@ impl Board {
     ///
     /// # Errors
     /// [`ViewError`] for a query with a value that is not known.
-    pub fn json(&self, query: &ViewQuery) -> Result<Bytes, ViewError> {
+    pub fn json(&self, query: &ViewQuery) -> Result<Drawn, ViewError> {
         self.kept(Drawing::Json(query.clone()), || {
             // Numbers, texts and lists: nothing that JSON cannot say.
             Ok(serde_json::to_string(&to_json(&self.tables, query)?).unwrap_or_default())
@@ -243,12 +285,12 @@ impl Board {
     ///
     /// # Errors
     /// [`ViewError`] for a query with a value that is not known.
-    pub fn csv(&self, query: &ViewQuery) -> Result<Bytes, ViewError> {
+    pub fn csv(&self, query: &ViewQuery) -> Result<Drawn, ViewError> {
         self.kept(Drawing::Csv(query.clone()), || to_csv(&self.tables, query))
     }
 
     /// As [`Board::kept`], for what can always be drawn.
-    fn always(&self, drawing: Drawing, draw: impl FnOnce() -> String) -> Bytes {
+    fn always(&self, drawing: Drawing, draw: impl FnOnce() -> String) -> Drawn {
         match self.kept(drawing, || Ok::<_, std::convert::Infallible>(draw())) {
             Ok(drawn) => drawn,
             Err(never) => match never {},
@@ -257,20 +299,24 @@ impl Board {
 
     /// What was drawn before, or what `draw` draws. Drawings that anyone can have in any number, by asking for ever other
     /// filters, are not kept.
-    fn kept<E>(&self, drawing: Drawing, draw: impl FnOnce() -> Result<String, E>) -> Result<Bytes, E> {
+    fn kept<E>(&self, drawing: Drawing, draw: impl FnOnce() -> Result<String, E>) -> Result<Drawn, E> {
         let lock = || self.drawn.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(drawn) = lock().get(&drawing) {
             return Ok(drawn.clone());
         }
-        let drawn = Bytes::from(draw()?);
+        let drawn = Drawn::plain(draw()?);
         let is_filtered = match &drawing {
             Drawing::Middle(view) | Drawing::Page(view) => !view.filter.is_empty(),
             Drawing::Json(query) | Drawing::Csv(query) => query.q.is_some(),
         };
-        let mut all = lock();
-        if !is_filtered && all.len() < KEPT {
-            all.insert(drawing, drawn.clone());
+        if is_filtered || lock().len() >= KEPT {
+            return Ok(drawn);
         }
+        let drawn = match drawing {
+            Drawing::Middle(_) => drawn,
+            Drawing::Page(_) | Drawing::Json(_) | Drawing::Csv(_) => drawn.packed(),
+        };
+        lock().insert(drawing, drawn.clone());
         Ok(drawn)
     }
 }

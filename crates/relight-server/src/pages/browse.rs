@@ -4,7 +4,7 @@ use std::collections::HashSet;
 
 use axum::Json;
 use axum::extract::{Path, Query, State};
-use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
+use axum::http::{HeaderMap, StatusCode, Uri, header};
 use axum::response::{Html, IntoResponse, Response};
 
 use super::entry::{Own, Pictures, Shown, entry};
@@ -32,30 +32,32 @@ pub(super) async fn leaderboard(
     State(app): State<AppState>,
     Path(name): Path<String>,
     Query(query): Query<ViewQuery>,
+    headers: HeaderMap,
     guest: Guest,
 ) -> Result<Response, PageError> {
     let board = app.boards.current(&app.store).await?.board(&name)?;
     let view = View::new(&board.tables, &query)?;
-    let page = board.page(&view, &guest.visitor());
-    Ok(([(header::CONTENT_TYPE, "text/html; charset=utf-8")], page).into_response())
+    Ok(board.page(&view, &guest.visitor()).answer("text/html; charset=utf-8", &headers))
 }
 
 pub(super) async fn leaderboard_json(
     State(app): State<AppState>,
     Path(name): Path<String>,
     Query(query): Query<ViewQuery>,
+    headers: HeaderMap,
 ) -> Result<Response, ApiError> {
     let json = app.boards.current(&app.store).await?.board(&name)?.json(&query)?;
-    Ok(([(header::CONTENT_TYPE, "application/json")], json).into_response())
+    Ok(json.answer("application/json", &headers))
 }
 
 pub(super) async fn leaderboard_csv(
     State(app): State<AppState>,
     Path(name): Path<String>,
     Query(query): Query<ViewQuery>,
+    headers: HeaderMap,
 ) -> Result<Response, ApiError> {
     let csv = app.boards.current(&app.store).await?.board(&name)?.csv(&query)?;
-    Ok(([(header::CONTENT_TYPE, "text/csv; charset=utf-8; header=present")], csv).into_response())
+    Ok(csv.answer("text/csv; charset=utf-8; header=present", &headers))
 }
 
 /// JSON, unless the client would rather have CSV.
@@ -72,12 +74,11 @@ pub(super) async fn leaderboard_data(
         .map(|kind| kind.split(';').next().unwrap_or("").trim())
         .find(|kind| ["application/json", "text/csv"].contains(kind))
         .is_some_and(|kind| kind == "text/csv");
-    let mut response = match wants_csv {
-        true => leaderboard_csv(state, name, query).await?,
-        false => leaderboard_json(state, name, query).await?,
-    };
-    response.headers_mut().insert(header::VARY, HeaderValue::from_static("accept"));
-    Ok(response)
+    if wants_csv {
+        leaderboard_csv(state, name, query, headers).await
+    } else {
+        leaderboard_json(state, name, query, headers).await
+    }
 }
 
 pub(super) async fn how_to_submit(
