@@ -180,24 +180,26 @@ fn line(table: &Table, view: &View, row: &Row, place: Option<usize>) -> Markup {
     }
 }
 
-/// Where a mean and its interval lie among those of the table.
+/// Where a mean and its interval lie among those that compete; baselines may lie beyond the left end.
 fn chart(table: &Table, metric: Metric, standing: &Standing) -> Markup {
     let (Some(mean), Some((low, high))) = (standing.mean, standing.interval) else { return html! { "–" } };
-    let intervals = table.rows.iter().filter_map(|row| row.standing(metric).interval);
+    let rows = table.rows.iter().filter(|row| !row.about.baseline);
+    let intervals = rows.filter_map(|row| row.standing(metric).interval);
     let (least, most) = intervals.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), (low, high)| {
         (least.min(low), most.max(high))
     });
     let (width, margin) = CHART;
-    let span = (most - least).max(f64::MIN_POSITIVE);
-    let x = |value: f64| format!("{:.1}", margin + (width - 2.0 * margin) * (value - least) / span);
-    let text = format!("{} to {}", metric.show(Some(low)), metric.show(Some(high)));
+    let x = |value: f64| {
+        let share = (value - least) / (most - least).max(f64::MIN_POSITIVE);
+        format!("{:.1}", margin + (width - 2.0 * margin) * share.clamp(0.0, 1.0))
+    };
     html! {
-        svg role="img" aria-label=(text) viewBox=(format!("0 0 {width} 16")) width=(width) height="16" {
-            title { (text) }
-            line.rail x1="0" x2=(width) y1="8" y2="8" {}
-            line.range x1=(x(low)) x2=(x(high)) y1="8" y2="8" {}
-            circle cx=(x(mean)) cy="8" r="4" {}
+        svg aria-hidden="true" viewBox=(format!("0 0 {width} 12")) width=(width) height="12" {
+            line.rail x1="0" x2=(width) y1="6" y2="6" {}
+            line.range x1=(x(low)) x2=(x(high)) y1="6" y2="6" {}
+            circle cx=(x(mean)) cy="6" r="4" {}
         }
+        small { (metric.show(Some(low))) "–" (metric.show(Some(high))) }
     }
 }
 

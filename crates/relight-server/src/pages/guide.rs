@@ -63,8 +63,9 @@ pub fn guide(visitor: &Visitor, benchmark: &BenchmarkEntry, server: &str) -> Mar
                 } }
                 p { "Without " code { "relight" } ", by any program that speaks HTTP:" }
                 pre tabindex="0" { code {
-                    "curl --fail-with-body -H 'Authorization: Bearer TOKEN' --upload-file submission.zip -X POST \\\n"
-                    "  '" (server) "/api/v1" (base) "/submissions?method=NAME&phase=test&visibility=public'\n"
+                    "curl --fail-with-body -X POST --upload-file submission.zip \\\n"
+                    "  -H 'Authorization: Bearer TOKEN' \\\n"
+                    "  '" (server) "/api/v1" (base) "/submissions?method=NAME&phase=test'\n"
                     "curl -H 'Authorization: Bearer TOKEN' " (server) "/api/v1/submissions/ID"
                 } }
                 h2 { "What is fair" }
