@@ -18,6 +18,7 @@ use crate::leaderboard::{
     About, Entry, Intervals, Leaderboard, Metric, View, ViewError, ViewQuery, to_csv, to_json,
 };
 use crate::method::Visibility;
+use crate::scoring::Scores;
 use crate::store::{BenchmarkEntry, Listing, Store, StoreError, SubmissionEntry};
 
 /// For so long what was found to be new is taken to be.
@@ -32,12 +33,12 @@ const KEPT: usize = 500;
 pub struct Boards {
     current: Mutex<Option<(Arc<Snapshot>, Instant)>>,
     refreshing: tokio::sync::Mutex<()>,
-    /// Entries of submissions by name: scores and intervals never change once written.
+    /// What was worked out, by submission: scores never change once written.
     scored: Mutex<HashMap<String, Scored>>,
 }
 
 /// What takes long to work out of a submission.
-type Scored = (Arc<crate::scoring::Scores>, Intervals);
+type Scored = (Arc<Scores>, Intervals);
 
 /// All benchmarks as they were at one moment.
 #[derive(Debug)]
@@ -123,59 +124,61 @@ impl Boards {
     /// Reads all from the database, after `revision`: what changes meanwhile changes the revision once more.
     async fn read(&self, store: &Store, revision: i64) -> Result<Snapshot, StoreError> {
         let (mut benchmarks, mut cards) = (Vec::new(), Vec::new());
-        let mut still = HashMap::new();
+        let mut listed = HashMap::new();
         for benchmark in store.benchmarks().await? {
-            let entries = store.submissions(Listing::Board(&benchmark)).await?;
-            let mut known = std::mem::take(&mut *self.scored.lock().unwrap_or_else(PoisonError::into_inner));
-            let worked = tokio::task::spawn_blocking(move || {
-                let entries: Vec<Entry> =
-                    entries.into_iter().filter_map(|entry| scored(entry, &mut known)).collect();
-                let scenes: Vec<(String, [usize; 3])> = benchmark
-                    .scenes
-                    .iter()
-                    .map(|scene| (scene.name.clone(), [scene.val, scene.easy, scene.hard]))
-                    .collect();
-                let tables = Leaderboard::new(&benchmark.name, &scenes, &entries);
-                (benchmark, tables, entries, known)
-            });
-            let (benchmark, tables, entries, known) =
-                worked.await.map_err(|error| StoreError::Refused(error.to_string()))?;
-            for entry in entries {
-                still.insert(entry.about.id.clone(), (entry.scores, entry.intervals));
+            let mut entries = Vec::new();
+            for submission in store.submissions(Listing::BoardWithoutScores(&benchmark)).await? {
+                let known = self.known_scores(&submission.id);
+                let scored = match known {
+                    Some(scored) => scored,
+                    None => match store.submission(&submission.id).await?.scores {
+                        Some(scores) => work_out(scores).await?,
+                        None => continue,
+                    },
+                };
+                listed.insert(submission.id.clone(), scored.clone());
+                entries.push(entry(submission, scored));
             }
-            *self.scored.lock().unwrap_or_else(PoisonError::into_inner) = known;
+            let scenes: Vec<(String, [usize; 3])> = benchmark
+                .scenes
+                .iter()
+                .map(|scene| (scene.name.clone(), [scene.val, scene.easy, scene.hard]))
+                .collect();
+            let tables = Leaderboard::new(&benchmark.name, &scenes, &entries);
             cards.push(card(&benchmark, &tables));
             benchmarks.push(Arc::new(Board { benchmark, tables, drawn: Mutex::default() }));
         }
-        *self.scored.lock().unwrap_or_else(PoisonError::into_inner) = still;
+        *self.scored.lock().unwrap_or_else(PoisonError::into_inner) = listed;
         Ok(Snapshot { revision, cards, benchmarks })
+    }
+
+    fn known_scores(&self, id: &str) -> Option<Scored> {
+        self.scored.lock().unwrap_or_else(PoisonError::into_inner).get(id).cloned()
     }
 }
 
+/// Scores with their intervals. Takes some milliseconds, in which others are served.
+async fn work_out(scores: Scores) -> Result<Scored, StoreError> {
+    let worked = tokio::task::spawn_blocking(move || {
+        let intervals = Intervals::of(&scores);
+        (Arc::new(scores), intervals)
+    });
+    worked.await.map_err(|error| StoreError::Refused(error.to_string()))
+}
+
 /// A submission as an entry of a leaderboard: without what its user keeps to themselves.
-fn scored(entry: SubmissionEntry, known: &mut HashMap<String, Scored>) -> Option<Entry> {
-    if !entry.is_listed() {
-        return None;
-    }
-    let (scores, intervals) = match known.remove(&entry.id) {
-        Some(known) => known,
-        None => {
-            let scores = Arc::new(entry.scores?);
-            let intervals = Intervals::of(&scores);
-            (scores, intervals)
-        }
-    };
-    let is_public = entry.visibility == Visibility::Public;
+fn entry(submission: SubmissionEntry, (scores, intervals): Scored) -> Entry {
+    let is_public = submission.visibility == Visibility::Public;
     let unless_anonymous = |text: String| if is_public { text } else { String::new() };
     let about = About {
-        id: entry.id,
-        method: entry.method.name,
-        authors: unless_anonymous(entry.method.authors),
-        user: unless_anonymous(entry.user_name),
-        baseline: entry.pinned,
-        submitted_at: entry.submitted_at.to_string(),
+        id: submission.id,
+        method: submission.method.name,
+        authors: unless_anonymous(submission.method.authors),
+        user: unless_anonymous(submission.user_name),
+        baseline: submission.pinned,
+        submitted_at: submission.submitted_at.to_string(),
     };
-    Some(Entry { about: Arc::new(about), scores, intervals })
+    Entry { about: Arc::new(about), scores, intervals }
 }
 
 fn card(benchmark: &BenchmarkEntry, board: &Leaderboard) -> Card {
