@@ -102,6 +102,9 @@ fn paths(id: &str, image: &str) -> Vec<String> {
         format!("{one}/withdraw"),
         format!("{one}.zip"),
         format!("/submissions/{id}.zip"),
+        format!("/submissions/{id}/pictures/{image}"),
+        format!("/submissions/{id}/pictures/{}", image.replace(".png", "_truth.png")),
+        format!("/submissions/{id}/pictures/{}", image.replace(".png", "_error.png")),
     ]);
     for prefix in ["", "/static", "/pictures", "/api/v1/benchmarks", "/api/v1/submissions", &one] {
         paths.push(format!("{prefix}/{image}"));
@@ -122,7 +125,8 @@ fn ground_truth_keys_and_places_are_at_no_address() {
     let id = server.submit("", &board.token, &board.zip(1, true));
     server.verdict(&id, &board.token);
     let benchmark = board.benchmark();
-    let image = &benchmark.scenes[0].images[0];
+    let all = &benchmark.scenes[0].images;
+    let image = all.iter().find(|image| image.split != relight_scene::Split::Val).unwrap();
     let hidden: Vec<Vec<u8>> = benchmark
         .scenes
         .iter()
