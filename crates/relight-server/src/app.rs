@@ -21,6 +21,8 @@ use crate::api::ApiError;
 use crate::data_folder::{DataFolder, FolderError};
 use crate::limits::RateLimits;
 use crate::metrics::Metrics;
+use crate::pages;
+use crate::pages::boards::Boards;
 use crate::receipt::{KeyError, ReceiptKey};
 use crate::store::{Store, StoreError, User};
 use crate::submission::Limits;
@@ -87,6 +89,8 @@ pub struct App {
     pub settings: Settings,
     /// What it counts.
     pub metrics: Metrics,
+    /// Leaderboards, ready to be sent.
+    pub boards: Boards,
     /// How often clients may ask.
     pub rates: RateLimits,
     /// What is being received.
@@ -117,6 +121,7 @@ impl App {
             settings,
             rates,
             metrics: Metrics::default(),
+            boards: Boards::default(),
             uploads: Uploads::default(),
             progress: Mutex::default(),
             wake: Notify::new(),
@@ -174,14 +179,17 @@ pub struct Client(pub IpAddr);
 pub fn router(app: AppState) -> Router {
     let quick = Router::new()
         .merge(api::routes())
+        .merge(pages::routes())
         .layer(DefaultBodyLimit::max(BODY))
         .layer(middleware::from_fn(in_time));
-    let uploads = Router::new().merge(api::upload_routes()).layer(DefaultBodyLimit::disable());
-    let nothing = async || ApiError::new(StatusCode::NOT_FOUND, "there is nothing at this address");
-    guarded(app, quick.merge(uploads).fallback(nothing))
+    let uploads = Router::new()
+        .merge(api::upload_routes())
+        .merge(pages::upload_routes())
+        .layer(DefaultBodyLimit::disable());
+    guarded(app, quick.merge(uploads).fallback(pages::nothing))
 }
 
-/// Routes within what holds for all: panics are caught, clients limited, answers counted.
+/// Routes within what holds for all: panics are caught, clients limited, answers counted, browsers told what not to do.
 fn guarded(app: AppState, routes: Router<AppState>) -> Router {
     let counted = Arc::clone(&app);
     let panicked = move |panic: Box<dyn std::any::Any + Send>| {
@@ -194,6 +202,7 @@ fn guarded(app: AppState, routes: Router<AppState>) -> Router {
     routes
         .layer(CatchPanicLayer::custom(panicked))
         .layer(middleware::from_fn_with_state(Arc::clone(&app), observed))
+        .layer(middleware::from_fn(pages::told_to_browsers))
         .with_state(app)
 }
 

@@ -7,7 +7,7 @@
 
 use std::collections::HashMap;
 use std::fmt::Display;
-use std::io::Write;
+use std::io::{Read, Write};
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -166,6 +166,29 @@ pub async fn receive<E: Display>(
         drain(&mut body).await;
     }
     taken
+}
+
+/// As [`receive`], from a file that lies here already.
+///
+/// # Errors
+/// As [`receive`].
+pub async fn receive_file(
+    app: &AppState,
+    upload: Upload,
+    mut file: std::fs::File,
+) -> Result<String, UploadError> {
+    let chunks = std::iter::from_fn(move || {
+        let mut chunk = vec![0; 1 << 20];
+        match file.read(&mut chunk) {
+            Ok(0) => None,
+            Ok(length) => {
+                chunk.truncate(length);
+                Some(Ok(Bytes::from(chunk)))
+            }
+            Err(error) => Some(Err(error)),
+        }
+    });
+    receive(app, upload, futures_util::stream::iter(chunks)).await
 }
 
 /// Whether an upload may begin: what can be known before its first byte.

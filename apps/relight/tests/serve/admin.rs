@@ -3,6 +3,9 @@
 use std::fs;
 use std::process::Command;
 
+use relight_metrics::psnr;
+use relight_scene::{Scene, Split, Splits};
+use relight_train::baselines::{NearestLight, mean_frame};
 use serde_json::Value;
 
 use crate::board::{Board, Server};
@@ -98,7 +101,43 @@ fn a_backup_taken_from_a_running_server_is_a_server_again() {
     assert_eq!(server.get("/api/v1/receipt-key", None).json(), key);
     let zip = |data: &str| fs::read(board.path(data).join(format!("submissions/{id}.zip"))).unwrap();
     assert_eq!(zip("restored"), zip("data"));
-    assert_eq!(fs::read_dir(restored.join("pictures").join(&id)).unwrap().count(), 4);
+    assert_eq!(fs::read_dir(restored.join("pictures").join(&id)).unwrap().count(), 6);
     let id = server.submit("", &board.token, &board.zip(2, false));
     assert_eq!(server.verdict(&id, &board.token)["state"], "scored");
+}
+
+#[test]
+fn baselines_are_entered_scored_and_pinned() {
+    let board = Board::new();
+    let told = board.admin(&["add-baselines", "tiny"]);
+    let ids: Vec<&str> = told.lines().map(|line| line.split(' ').next().unwrap()).collect();
+    let server = board.start();
+    for id in &ids {
+        assert_eq!(server.verdict(id, &board.token)["state"], "scored");
+    }
+    let leaderboard = server.get("/api/v1/benchmarks/tiny/leaderboard?sort=method", None).json();
+    let entries = leaderboard["splits"][1]["entries"].as_array().unwrap().clone();
+    assert_eq!(leaderboard["splits"].as_array().unwrap().len(), 3);
+    let told: Vec<_> =
+        entries.iter().map(|entry| (entry["method"].as_str().unwrap(), &entry["baseline"])).collect();
+    assert_eq!(told, [("mean image", &true.into()), ("nearest light", &true.into())]);
+    // Those of `relight eval`, by other code: the mean of the means of the two scenes.
+    let (mut sums, scenes) = ([0.0; 2], ["box", "cup"]);
+    for scene in scenes {
+        let scene = Scene::open(&board.path("scenes").join(scene)).unwrap();
+        let splits = Splits::peek(&scene).unwrap();
+        let (train, easy) = (splits.get(Split::Train), splits.get(Split::Easy));
+        let mean = mean_frame(&scene, train).unwrap().unwrap();
+        let nearest = NearestLight::new(&scene, train);
+        for &frame in easy {
+            let truth = scene.read_frame(frame).unwrap();
+            let stand_in = nearest.image(frame).unwrap().unwrap();
+            for (sum, image) in sums.iter_mut().zip([&mean, &stand_in]) {
+                *sum += psnr(&image.data, &truth.data).unwrap() / easy.len() as f64 / scenes.len() as f64;
+            }
+        }
+    }
+    for (entry, mean) in entries.iter().zip(sums) {
+        assert!((entry["psnr"]["mean"].as_f64().unwrap() - mean).abs() < 0.0051, "{entry} {mean}");
+    }
 }

@@ -22,9 +22,17 @@ pub struct Board {
 
 impl Board {
     pub fn new() -> Board {
+        Board::with(SIZE, None)
+    }
+
+    /// With images of that size, in a folder of data that another server has left.
+    pub fn with(size: (u32, u32), data: Option<&Path>) -> Board {
         let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
         for (seed, name) in ["box", "cup"].into_iter().enumerate() {
-            write_scene(&folder.path().join("scenes").join(name), seed);
+            write_scene(&folder.path().join("scenes").join(name), seed, size);
+        }
+        if let Some(data) = data {
+            std::os::unix::fs::symlink(data, folder.path().join("data")).unwrap();
         }
         let mut board = Board { folder, token: String::new() };
         let scenes = board.path("scenes");
@@ -268,8 +276,7 @@ pub fn zip(entries: &[(String, Vec<u8>)]) -> Vec<u8> {
     zip
 }
 
-fn write_scene(folder: &Path, seed: usize) {
-    let (width, height) = SIZE;
+fn write_scene(folder: &Path, seed: usize, (width, height): (u32, u32)) {
     let lens = Intrinsics { width, height, fx: 40.0, fy: 40.0, cx: 15.5, cy: 11.5, distortion: vec![0.0; 5] };
     let around = |i: usize, radius: f64, z: f64| {
         let angle = i as f64;

@@ -45,7 +45,7 @@ fn a_submission_is_scored_as_offline_and_has_a_receipt() {
     assert_eq!(serde_json::to_value(receipt.scores).unwrap(), offline);
     // Pictures of validation images alone, two a scene.
     let pictures: Vec<_> = std::fs::read_dir(board.path("data/pictures").join(&id)).unwrap().collect();
-    assert_eq!(pictures.len(), 4, "{pictures:?}");
+    assert_eq!(pictures.len(), 6, "{pictures:?}");
 }
 
 #[test]

@@ -5,7 +5,10 @@
 
 mod admin;
 mod board;
+#[path = "../../../../crates/relight-server/tests/fair/mod.rs"]
+mod fair;
 mod fairness;
 mod kills;
+mod readers;
 mod uploads;
 mod visibility;

@@ -8,6 +8,7 @@ use axum::response::{IntoResponse, Response};
 use serde_json::json;
 
 use crate::accounts::AccountError;
+use crate::leaderboard::ViewError;
 use crate::limits::TooMany;
 use crate::method::MethodError;
 use crate::store::{QuotaSpent, StoreError};
@@ -91,6 +92,12 @@ impl From<TooMany> for ApiError {
             message: format!("too many requests; try again in {} s", wait.as_secs() + 1),
             retry_after: Some(wait),
         }
+    }
+}
+
+impl From<ViewError> for ApiError {
+    fn from(error: ViewError) -> ApiError {
+        ApiError::new(StatusCode::BAD_REQUEST, error.to_string())
     }
 }
 

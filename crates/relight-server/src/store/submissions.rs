@@ -109,6 +109,8 @@ impl SubmissionEntry {
 pub enum Listing<'a> {
     /// Those on the leaderboard of a benchmark: see [`SubmissionEntry::is_listed`].
     Board(&'a BenchmarkEntry),
+    /// The same; the scores, which are long and never change, are left out.
+    BoardWithoutScores(&'a BenchmarkEntry),
     /// All of a user's.
     OfUser(i64),
     /// All that there are; the scores are left out.
@@ -341,11 +343,11 @@ impl Store {
     /// If the database fails.
     pub async fn submissions(&self, listing: Listing<'_>) -> Result<Vec<SubmissionEntry>, StoreError> {
         let query = match listing {
-            Listing::Board(benchmark) => sqlx::query(select!(
+            Listing::Board(benchmark) | Listing::BoardWithoutScores(benchmark) => sqlx::query(select!(
                 "WHERE submissions.benchmark = ?2 AND state = 'scored' AND visibility <> 'private' AND hidden = 0 \
                  AND withdrawn_at IS NULL ORDER BY number DESC"
             ))
-            .bind(true)
+            .bind(matches!(listing, Listing::Board(_)))
             .bind(benchmark.id),
             Listing::OfUser(user) => {
                 sqlx::query(select!("WHERE submissions.user = ?2 ORDER BY number DESC")).bind(true).bind(user)

@@ -1,6 +1,7 @@
-//! Pictures for the pages of a submission: of each scene the first validation image as it was submitted, and where it errs.
+//! Pictures for the pages of a submission: of each scene the first validation image as it was submitted, its photograph, and where
+//! the two differ.
 //!
-//! Only of validation images, whose ground truth everyone has: image and error together tell it.
+//! Only of validation images, whose ground truth everyone has.
 
 use std::fs;
 use std::io;
@@ -13,9 +14,24 @@ use crate::disclosure::is_public;
 use crate::scoring::{ScoringError, error_map};
 use crate::submission::{ImageReader, Limits, Refusal, Submission};
 
-/// The name of a picture: of the submitted image, or of its errors.
-pub fn file_name(scene: &str, light: usize, camera: usize, error: bool) -> String {
-    let which = if error { "_error" } else { "" };
+/// What a picture shows of an image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Picture {
+    /// What was submitted.
+    Submitted,
+    /// The photograph.
+    Truth,
+    /// Where they differ.
+    Error,
+}
+
+/// The name of a picture.
+pub fn file_name(scene: &str, light: usize, camera: usize, picture: Picture) -> String {
+    let which = match picture {
+        Picture::Submitted => "",
+        Picture::Truth => "_truth",
+        Picture::Error => "_error",
+    };
     format!("{scene}_{light:02}_{camera:02}{which}.png")
 }
 
@@ -49,9 +65,12 @@ pub(super) fn draw(
             .map_err(|problems| Refusal { problems, more: 0 })?;
         let shown = Image { width: image.width, height: image.height, data: reader.rgb.clone() };
         let errors = error_map(submission, benchmark, limits, index)?;
-        for (picture, is_error) in [(shown, false), (errors, true)] {
-            let path = folder.join(file_name(&scene.name, image.light, image.camera, is_error));
-            let png = picture.png().map_err(|error| io_at(&path)(io::Error::other(error.to_string())))?;
+        let truth = image.read_truth()?;
+        for (drawn, picture) in
+            [(shown, Picture::Submitted), (truth, Picture::Truth), (errors, Picture::Error)]
+        {
+            let path = folder.join(file_name(&scene.name, image.light, image.camera, picture));
+            let png = drawn.png().map_err(|error| io_at(&path)(io::Error::other(error.to_string())))?;
             write_whole(&path, |file| io::Write::write_all(file, &png)).map_err(io_at(&path))?;
         }
     }

@@ -15,6 +15,7 @@ use relight_server::store::{
 use relight_server::time::Time;
 use serde_json::json;
 
+use super::baselines;
 use crate::console::{Progress, cancel_flag, print_json, print_line, unless};
 use crate::places::check_file;
 
@@ -44,6 +45,12 @@ enum Command {
         name: String,
         /// Folder of scenes.
         folder: PathBuf,
+    },
+    /// Enter two baselines that learn nothing, and pin them: the mean of all training images of a scene, and the training image of
+    /// the nearest camera under the nearest light. The server scores them like all others.
+    AddBaselines {
+        /// The benchmark.
+        benchmark: String,
     },
     /// List the benchmarks with their quotas.
     Benchmarks,
@@ -171,6 +178,10 @@ pub async fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         let files = restore(file, &args.data).await?;
         return print_line(&format!("{}: restored, {files} files", args.data.display()));
     }
+    if let Command::AddBaselines { benchmark } = &args.command {
+        DataFolder::open(&args.data)?;
+        return baselines::enter(&args.data, benchmark, quiet).await;
+    }
     // These two begin a server's data; the others have nothing to do where there is none.
     let begins = matches!(args.command, Command::AddBenchmark { .. } | Command::AddUser { .. });
     let folder = if begins { DataFolder::create(&args.data) } else { DataFolder::open(&args.data) }?;
@@ -201,6 +212,7 @@ async fn run_on(command: &Command, folder: &DataFolder, store: &Store, quiet: bo
             }
             Ok(())
         }
+        Command::AddBaselines { .. } | Command::Restore { .. } => Ok(()),
         Command::Open { benchmark } => Ok(store.set_open(benchmark, true).await?),
         Command::Close { benchmark } => Ok(store.set_open(benchmark, false).await?),
         Command::Quotas { benchmark, phase, per_day, total, gap } => {
@@ -275,7 +287,6 @@ async fn run_on(command: &Command, folder: &DataFolder, store: &Store, quiet: bo
             let files = backup(folder, store, file, !without_zips).await?;
             print_line(&format!("{}: {files} files", file.display()))
         }
-        Command::Restore { .. } => Ok(()),
     }
 }
 

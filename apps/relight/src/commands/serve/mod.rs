@@ -1,6 +1,7 @@
 //! `relight serve`: the benchmark server. Admins' commands are in `admin`.
 
 mod admin;
+mod baselines;
 
 use std::net::SocketAddr;
 use std::num::{NonZeroU32, NonZeroU64};
