@@ -12,7 +12,7 @@ use std::process::ExitCode;
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand};
 
-use commands::{capture, compare, demo, eval, export, profile, query, render, scene, serve, train};
+use commands::{capture, compare, demo, eval, export, profile, query, render, scene, serve, submit, train};
 
 /// Turns one-light-at-a-time photographs into a scene that can be seen and lit from anywhere.
 ///
@@ -57,6 +57,7 @@ enum Command {
     Compare(compare::Args),
     Profile(profile::Args),
     Serve(serve::Args),
+    Submit(submit::Args),
 }
 
 fn main() -> ExitCode {
@@ -94,5 +95,6 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Compare(args) => compare::run(&args),
         Command::Profile(args) => profile::run(&args, quiet),
         Command::Serve(args) => serve::run(&args, quiet),
+        Command::Submit(args) => submit::run(&args, quiet),
     }
 }

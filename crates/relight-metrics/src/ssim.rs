@@ -1,31 +1,40 @@
 //! Structural similarity (Wang et al. 2004), in the two forms that published tables use.
 
+use std::ops::Range;
+
+use fearless_simd::{Level, dispatch};
 use rayon::prelude::*;
 
 use crate::error::{MetricError, check};
 
-/// `(k1 L)^2` and `(k2 L)^2` for the data range `L` = 255.
-const C1: f64 = (0.01 * 255.0) * (0.01 * 255.0);
-const C2: f64 = (0.03 * 255.0) * (0.03 * 255.0);
+/// `2 (k1 L)^2` and `2 (k2 L)^2` for the data range `L` = 255.
+const TWICE_C1: f32 = 2.0 * (0.01 * 255.0) * (0.01 * 255.0);
+const TWICE_C2: f32 = 2.0 * (0.03 * 255.0) * (0.03 * 255.0);
 
 /// SSIM with an 11x11 Gaussian window of sigma 1.5, mean over pixels and channels: the defaults of torchmetrics'
 /// `StructuralSimilarityIndexMeasure` with data range 1. The window is centred on every pixel and the pictures are
 /// mirrored at their borders without repeating the outermost pixel, as torchmetrics does since release 1.4.2; earlier
 /// releases left out a border of 5 pixels.
 ///
-/// `picture` and `truth` are RGB8 of `width` x `height` pixels.
+/// `picture` and `truth` are RGB8 of `width` x `height` pixels. The same pictures have the same score to the last bit, with any
+/// number of threads and on any machine.
 ///
 /// # Errors
 /// [`MetricError`] if lengths and sizes disagree, a side is below 11 pixels, or the truth is all black.
 pub fn ssim(picture: &[u8], truth: &[u8], width: u32, height: u32) -> Result<f64, MetricError> {
-    let gauss: Vec<f64> = (-5..=5).map(|d| (-0.5 * (f64::from(d) / 1.5).powi(2)).exp()).collect();
-    let sum: f64 = gauss.iter().sum();
-    let window = Window {
-        taps: gauss.iter().map(|g| g / sum).collect(),
-        covariance_scale: 1.0,
-        border: Border::Mirrored,
-    };
-    window.mean_ssim(picture, truth, width, height)
+    let compared = gaussian(picture, truth, width, height)?;
+    Ok(compared.mean(compared.bands().into_par_iter().map(|band| compared.band_sum(band)).collect()))
+}
+
+/// [`ssim`] on the calling thread alone.
+pub(crate) fn ssim_on_one_thread(
+    picture: &[u8],
+    truth: &[u8],
+    width: u32,
+    height: u32,
+) -> Result<f64, MetricError> {
+    let compared = gaussian(picture, truth, width, height)?;
+    Ok(compared.mean(compared.bands().into_iter().map(|band| compared.band_sum(band)).collect()))
 }
 
 /// SSIM with a 7x7 uniform window and sample covariances, mean over pixels and channels: the defaults of
@@ -37,109 +46,209 @@ pub fn ssim(picture: &[u8], truth: &[u8], width: u32, height: u32) -> Result<f64
 /// # Errors
 /// [`MetricError`] if lengths and sizes disagree, a side is below 7 pixels, or the truth is all black.
 pub fn ssim_uniform7(picture: &[u8], truth: &[u8], width: u32, height: u32) -> Result<f64, MetricError> {
-    let window = Window { taps: vec![1.0 / 7.0; 7], covariance_scale: 49.0 / 48.0, border: Border::LeftOut };
-    window.mean_ssim(picture, truth, width, height)
+    let window = Window { taps: [1.0 / 7.0; 4], covariance_scale: 49.0 / 48.0, margin: 3 };
+    let compared = Compared::new(picture, truth, width, height, window)?;
+    Ok(compared.mean(compared.bands().into_par_iter().map(|band| compared.band_sum(band)).collect()))
 }
 
-/// What happens where a window centred on a pixel reaches over the border.
-#[derive(Clone, Copy, PartialEq)]
-enum Border {
-    /// Pixels beyond the border are the mirrored ones within; the border pixel is not repeated.
-    Mirrored,
-    /// There is no window there.
-    LeftOut,
+fn gaussian<'a>(
+    picture: &'a [u8],
+    truth: &'a [u8],
+    width: u32,
+    height: u32,
+) -> Result<Compared<'a, 6>, MetricError> {
+    let gauss: [f64; 6] = std::array::from_fn(|d| (-0.5 * (d as f64 / 1.5).powi(2)).exp());
+    let sum = gauss[0] + 2.0 * gauss[1..].iter().sum::<f64>();
+    let mut taps = gauss.map(|g| (g / sum) as f32);
+    // To single precision the weights sum to one exactly: else flat regions would seem to vary.
+    taps[0] = (1.0 - 2.0 * taps[1..].iter().map(|&tap| f64::from(tap)).sum::<f64>()) as f32;
+    Compared::new(picture, truth, width, height, Window { taps, covariance_scale: 1.0, margin: 0 })
 }
 
-/// A separable window.
-struct Window {
-    /// The weights along one axis; an odd number, sum 1.
-    taps: Vec<f64>,
+/// A separable symmetric window.
+struct Window<const TAPS: usize> {
+    /// The weights along one axis, from the middle outwards; the whole axis sums to 1.
+    taps: [f32; TAPS],
     /// Factor from population to the wanted (co)variances.
-    covariance_scale: f64,
-    border: Border,
+    covariance_scale: f32,
+    /// Pixels of the border round which no window is centred. Where a window reaches over the border all the same, pixels
+    /// beyond it are the mirrored ones within; the border pixel is not repeated.
+    margin: usize,
 }
 
-/// Weighted means of a row: of a, of b, of a^2 + b^2 and of ab. SSIM needs the variances only as a sum.
-type Moments = [Vec<f64>; 4];
+/// Rows that are filtered together. Sums are over such bands, then over all, so that the score does not depend on threads.
+const BAND: usize = 120;
+/// Pixels of a row that are filtered together: what is kept of the rows round one fits into the nearest caches.
+const STRIP: usize = 160;
+/// Samples of those pixels.
+const SAMPLES: usize = 3 * STRIP;
+/// With those of the pixels to both sides that the widest window needs.
+const PADDED: usize = SAMPLES + 2 * 3 * 5;
+/// Partial sums of a row, whatever the width of the machine's registers.
+const LANES: usize = 16;
 
-impl Window {
-    fn mean_ssim(&self, picture: &[u8], truth: &[u8], width: u32, height: u32) -> Result<f64, MetricError> {
+/// Of the two pictures' sum and difference, sample by sample: both, then both squared. With `s = a + b` and `d = a - b`, `s^2 + d^2`
+/// is twice `a^2 + b^2` and `s^2 - d^2` four times `ab`, so these are all that SSIM needs; and where the pictures are alike `d` is
+/// small, so that little is lost where the squares' means cancel.
+type Moments<const N: usize> = [[f32; N]; 4];
+
+/// Two pictures under a window of `2 TAPS - 1` pixels.
+struct Compared<'a, const TAPS: usize> {
+    picture: &'a [u8],
+    truth: &'a [u8],
+    width: usize,
+    height: usize,
+    window: Window<TAPS>,
+    level: Level,
+}
+
+impl<'a, const TAPS: usize> Compared<'a, TAPS> {
+    /// Pixels to either side of a window's middle.
+    const RADIUS: usize = TAPS - 1;
+
+    fn new(
+        picture: &'a [u8],
+        truth: &'a [u8],
+        width: u32,
+        height: u32,
+        window: Window<TAPS>,
+    ) -> Result<Compared<'a, TAPS>, MetricError> {
         check(picture, truth)?;
         let (w, h) = (width as usize, height as usize);
         if w.checked_mul(h).and_then(|pixels| pixels.checked_mul(3)) != Some(truth.len()) {
             return Err(MetricError::Length { bytes: truth.len(), width, height });
         }
-        if w.min(h) < self.taps.len() {
-            return Err(MetricError::TooSmall { width, height, window: self.taps.len() as u32 });
+        let side = 2 * Self::RADIUS + 1;
+        if w.min(h) < side {
+            return Err(MetricError::TooSmall { width, height, window: side as u32 });
         }
-        let margin = match self.border {
-            Border::Mirrored => 0,
-            Border::LeftOut => self.radius(),
-        };
-        let centres = margin..h - margin;
-        let scored = centres.len() * (w - 2 * margin) * 3;
-        // Rows are summed in order, so that the score does not depend on the number of threads.
-        let rows: Vec<f64> = centres
-            .into_par_iter()
-            .map_init(
-                || std::array::from_fn(|_| vec![0.0; 3 * (w + 2 * (self.radius() - margin))]),
-                |moments, y| {
-                    self.filter_columns(picture, truth, w, h, y, moments);
-                    self.row_sum(moments)
-                },
-            )
-            .collect();
-        Ok(rows.iter().sum::<f64>() / scored as f64)
+        Ok(Compared { picture, truth, width: w, height: h, window, level: Level::new() })
     }
 
-    fn radius(&self) -> usize {
-        self.taps.len() / 2
+    /// Columns and rows on which a window is centred.
+    fn centres(&self) -> (usize, usize) {
+        (self.width - 2 * self.window.margin, self.height - 2 * self.window.margin)
     }
 
-    /// Filters along the columns round row `y`, and extends the filtered row over its ends where the border is mirrored.
-    fn filter_columns(&self, a: &[u8], b: &[u8], w: usize, h: usize, y: usize, moments: &mut Moments) {
-        let radius = self.radius();
-        let padding = (moments[0].len() / 3 - w) / 2;
-        let [mean_a, mean_b, squares, product] =
-            moments.each_mut().map(|m| &mut m[3 * padding..3 * (padding + w)]);
-        for m in [&mut *mean_a, mean_b, squares, product] {
-            m.fill(0.0);
+    fn bands(&self) -> Vec<Range<usize>> {
+        let rows = self.centres().1;
+        (0..rows).step_by(BAND).map(|first| first..(first + BAND).min(rows)).collect()
+    }
+
+    /// The score, from the sums of all bands.
+    fn mean(&self, bands: Vec<f64>) -> f64 {
+        let (columns, rows) = self.centres();
+        bands.iter().sum::<f64>() / (3 * columns * rows) as f64
+    }
+
+    /// Sums SSIM over the windows of some rows.
+    fn band_sum(&self, rows: Range<usize>) -> f64 {
+        dispatch!(self.level, _simd => self.band_sum_simd(rows.clone()))
+    }
+
+    /// Plain loops over arrays: the compiler makes the widest instructions of them that the dispatch allows. Products and sums
+    /// are fused by name, so that every machine rounds alike.
+    #[inline(always)]
+    fn band_sum_simd(&self, rows: Range<usize>) -> f64 {
+        let side = 2 * Self::RADIUS + 1;
+        let mut ring: Vec<Moments<SAMPLES>> = vec![[[0.0; SAMPLES]; 4]; side];
+        let mut unfiltered: Moments<PADDED> = [[0.0; PADDED]; 4];
+        let mut sum = 0.0;
+        for first in (0..self.centres().0).step_by(STRIP) {
+            let samples = 3 * STRIP.min(self.centres().0 - first);
+            let mut lanes = [0.0; LANES];
+            for row in rows.start..rows.end + side - 1 {
+                let y = mirrored(row + self.window.margin, Self::RADIUS, self.height);
+                self.moments(first, y, &mut unfiltered);
+                let filtered = &mut ring[row % side];
+                for (from, to) in unfiltered.iter().zip(filtered) {
+                    self.filter_row(from, to);
+                }
+                if let Some(top) = row.checked_sub(side - 1).filter(|top| *top >= rows.start) {
+                    let under: [&Moments<SAMPLES>; 11] = std::array::from_fn(|k| &ring[(top + k) % side]);
+                    self.add_scores(under, samples, &mut lanes);
+                }
+            }
+            sum += lanes.iter().sum::<f64>();
         }
-        for (k, &tap) in self.taps.iter().enumerate() {
-            let row = 3 * w * mirrored(y + k, radius, h);
-            let pixels = a[row..row + 3 * w].iter().zip(&b[row..row + 3 * w]);
-            let sums =
-                mean_a.iter_mut().zip(mean_b.iter_mut()).zip(squares.iter_mut().zip(product.iter_mut()));
-            for ((&a, &b), ((mean_a, mean_b), (squares, product))) in pixels.zip(sums) {
-                let (a, b) = (f64::from(a), f64::from(b));
-                *mean_a += tap * a;
-                *mean_b += tap * b;
-                *squares += tap * (a * a + b * b);
-                *product += tap * (a * b);
+        sum
+    }
+
+    /// The moments of a strip's pixels of row `y`, and of those to both sides.
+    #[inline(always)]
+    fn moments(&self, first: usize, y: usize, to: &mut Moments<PADDED>) {
+        let pixels = STRIP + 2 * Self::RADIUS;
+        let start = first + self.window.margin;
+        let row = 3 * y * self.width;
+        let mut bytes = [[0_u8; PADDED]; 2];
+        for (picture, bytes) in [self.picture, self.truth].into_iter().zip(&mut bytes) {
+            let row = &picture[row..row + 3 * self.width];
+            if start >= Self::RADIUS && start - Self::RADIUS + pixels <= self.width {
+                let from = 3 * (start - Self::RADIUS);
+                bytes[..3 * pixels].copy_from_slice(&row[from..from + 3 * pixels]);
+            } else {
+                for (p, pixel) in bytes.chunks_exact_mut(3).take(pixels).enumerate() {
+                    // Beyond the last window of a row anything will do.
+                    let last = self.width - 1 + Self::RADIUS;
+                    let x = mirrored((start + p).min(last + Self::RADIUS), Self::RADIUS, self.width);
+                    pixel.copy_from_slice(&row[3 * x..3 * x + 3]);
+                }
             }
         }
-        for m in moments {
-            for i in (0..padding).chain(padding + w..w + 2 * padding) {
-                let source = padding + mirrored(i, padding, w);
-                m.copy_within(3 * source..3 * source + 3, 3 * i);
-            }
+        let [a, b] = &bytes;
+        let [sums, differences, sums2, differences2] = to;
+        for i in 0..PADDED {
+            let (a, b) = (i32::from(a[i]), i32::from(b[i]));
+            // Moved so that its squares are small.
+            let (s, d) = ((a + b - 255) as f32, (a - b) as f32);
+            (sums[i], differences[i], sums2[i], differences2[i]) = (s, d, s * s, d * d);
         }
     }
 
-    /// Filters along the row and sums SSIM over its windows and channels.
-    fn row_sum(&self, moments: &Moments) -> f64 {
-        let windows = moments[0].len() - 3 * (self.taps.len() - 1);
-        (0..windows)
-            .map(|i| {
-                let [a, b, squares, product] = moments.each_ref().map(|m| {
-                    let row = m[i..].iter().step_by(3);
-                    self.taps.iter().zip(row).map(|(tap, value)| tap * value).sum::<f64>()
-                });
-                let variances = self.covariance_scale * (squares - (a * a + b * b));
-                let covariance = self.covariance_scale * (product - a * b);
-                ((2.0 * a * b + C1) * (2.0 * covariance + C2)) / ((a * a + b * b + C1) * (variances + C2))
-            })
-            .sum()
+    /// Filters along a row.
+    #[inline(always)]
+    fn filter_row(&self, from: &[f32; PADDED], to: &mut [f32; SAMPLES]) {
+        let middle = 3 * Self::RADIUS;
+        for (i, to) in to.iter_mut().enumerate() {
+            let mut sum = self.window.taps[0] * from[i + middle];
+            for k in 1..TAPS {
+                sum = (from[i + middle - 3 * k] + from[i + middle + 3 * k]).mul_add(self.window.taps[k], sum);
+            }
+            *to = sum;
+        }
+    }
+
+    /// Filters along the columns of the rows under a window, and adds up the scores of the first so many samples.
+    #[inline(always)]
+    fn add_scores(&self, under: [&Moments<SAMPLES>; 11], samples: usize, lanes: &mut [f64; LANES]) {
+        let mut scores = [0.0_f32; SAMPLES];
+        for i in 0..SAMPLES {
+            let mean = |moment: usize| {
+                let mut sum = self.window.taps[0] * under[Self::RADIUS][moment][i];
+                for k in 1..TAPS {
+                    let pair = under[Self::RADIUS - k][moment][i] + under[Self::RADIUS + k][moment][i];
+                    sum = pair.mul_add(self.window.taps[k], sum);
+                }
+                sum
+            };
+            let (s, d) = (mean(0), mean(1));
+            let scale = self.window.covariance_scale;
+            let (variance_s, variance_d) = (scale * (mean(2) - s * s), scale * (mean(3) - d * d));
+            let (s2, d2) = ((s + 255.0) * (s + 255.0), d * d);
+            scores[i] = ((s2 - d2 + TWICE_C1) * (variance_s - variance_d + TWICE_C2))
+                / ((s2 + d2 + TWICE_C1) * (variance_s + variance_d + TWICE_C2));
+        }
+        let scores = &scores[..samples.min(SAMPLES)];
+        let chunks = scores.chunks_exact(LANES);
+        let rest = chunks.remainder();
+        for chunk in chunks {
+            for (lane, score) in lanes.iter_mut().zip(chunk) {
+                *lane += f64::from(*score);
+            }
+        }
+        for (lane, score) in lanes.iter_mut().zip(rest) {
+            *lane += f64::from(*score);
+        }
     }
 }
 

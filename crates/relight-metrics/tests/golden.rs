@@ -21,9 +21,10 @@ fn agrees_with_torchmetrics_and_scikit_image() {
             ssim(&picture, &truth, width, height).unwrap(),
             ssim_uniform7(&picture, &truth, width, height).unwrap(),
         ];
-        for (ours, field) in ours.iter().zip(&fields[4..]) {
+        // Squared errors are summed in whole numbers, SSIM's windows in single precision.
+        for ((ours, field), tolerance) in ours.iter().zip(&fields[4..]).zip([1e-9, 1e-6, 1e-6]) {
             let theirs: f64 = field.parse().unwrap();
-            assert!((ours - theirs).abs() < 1e-9, "{line}: {ours} is not {theirs}");
+            assert!((ours - theirs).abs() < tolerance, "{line}: {ours} is not {theirs}");
         }
     }
     assert_eq!(scores.lines().count(), 18);

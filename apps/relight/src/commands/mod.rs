@@ -10,4 +10,5 @@ pub mod query;
 pub mod render;
 pub mod scene;
 pub mod serve;
+pub mod submit;
 pub mod train;

@@ -85,7 +85,7 @@ fn a_backup_taken_from_a_running_server_is_a_server_again() {
     let whole = fs::read(&file).unwrap();
     let bad = board.path("bad.tar");
     for (length, flipped) in
-        [(whole.len() / 2, 0), (512, 0), (whole.len(), 700), (whole.len(), whole.len() / 2)]
+        [(whole.len() / 2, 0), (512, 0), (whole.len(), 5000), (whole.len(), whole.len() / 2)]
     {
         let mut bytes = whole[..length].to_vec();
         bytes[flipped] ^= 1;

@@ -53,10 +53,11 @@ fn validation_has_a_phase_of_its_own() {
     let board = Board::new();
     let server = board.start();
     let benchmark = board.benchmark();
-    let val: Vec<_> = benchmark.scenes.iter().flat_map(|scene| &scene.images);
-    let val: Vec<_> = val.filter(|image| image.split == relight_scene::Split::Val).collect();
-    let val: Vec<_> =
-        val.iter().map(|image| (image.entry.clone(), std::fs::read(&image.truth).unwrap())).collect();
+    let images = benchmark.scenes.iter().flat_map(|scene| &scene.images);
+    let val: Vec<_> = images
+        .filter(|image| image.split == relight_scene::Split::Val)
+        .map(|image| (image.entry.clone(), std::fs::read(&image.truth).unwrap()))
+        .collect();
     let told = server.verdict(&server.submit("phase=val", &board.token, &zip(&val)), &board.token);
     assert_eq!(told["state"], "scored", "{told}");
     // The truth itself: PSNR is infinite.

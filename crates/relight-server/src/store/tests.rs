@@ -126,6 +126,15 @@ async fn quotas_count_a_day_in_total_and_ask_for_a_gap() {
 }
 
 #[tokio::test]
+async fn without_a_gap_it_does_not_matter_who_got_the_lock_first() {
+    let (_folder, store, user) = store().await;
+    quota(&store, 2, 2, 0).await;
+    submit(&store, &user, "a", Time(NOON.0 + 1)).await.unwrap();
+    submit(&store, &user, "b", NOON).await.unwrap();
+    submit(&store, &user, "c", NOON).await.unwrap_err();
+}
+
+#[tokio::test]
 async fn what_is_refused_or_withdrawn_unscored_costs_nothing() {
     let (_folder, store, user) = store().await;
     quota(&store, 1, 1, 3600).await;

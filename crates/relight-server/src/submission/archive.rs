@@ -33,7 +33,7 @@ pub(crate) struct Packed {
 }
 
 /// Walks over a zip's entries in the order of its directory: `each` is told the name and the place of every entry, and adds what is
-/// wrong with it. What is wrong with the structure is added here.
+/// wrong with it. What is wrong with the structure is added here. False if that leaves entries unseen.
 ///
 /// # Errors
 /// Only if the file cannot be read.
@@ -42,14 +42,14 @@ pub(super) fn walk(
     limits: &Limits,
     problems: &mut Problems,
     each: &mut dyn FnMut(&[u8], Packed, &mut Problems),
-) -> io::Result<()> {
+) -> io::Result<bool> {
     let length = file.metadata()?.len();
     let mut buffer = vec![0; MAX_CENTRAL_DIRECTORY_RECORD_SIZE];
     let archive = match ZipArchive::from_file(file, &mut buffer) {
         Ok(archive) => archive,
         Err(error) => {
             problems.push(unreadable(error)?);
-            return Ok(());
+            return Ok(false);
         }
     };
     if archive.end_offset() != length {
@@ -59,10 +59,14 @@ pub(super) fn walk(
         );
         problems.push(Problem::of_zip(Code::HiddenData, message));
     }
+    if !check_end(&archive)? {
+        let message = "its end states another place of the zip's directory, or further files of the same zip: write it anew as one file";
+        problems.push(Problem::of_zip(Code::ZipDamaged, message));
+    }
     // The zip's claim is only good for refusing early: what counts is how many entries are found.
     if archive.entries_hint() > limits.entries as u64 {
         problems.push(too_many(limits));
-        return Ok(());
+        return Ok(false);
     }
     let mut spans = Vec::new();
     let mut total = 0_u64;
@@ -74,12 +78,12 @@ pub(super) fn walk(
             Ok(None) => break,
             Err(error) => {
                 problems.push(unreadable(error)?);
-                return Ok(());
+                return Ok(false);
             }
         };
         if spans.len() == limits.entries {
             problems.push(too_many(limits));
-            return Ok(());
+            return Ok(false);
         }
         total = total.saturating_add(record.uncompressed_size_hint());
         match look(&archive, &record, &mut local, problems)? {
@@ -88,7 +92,7 @@ pub(super) fn walk(
                 spans.push(span);
             }
             // Where the entry lies is not known, so the other entries cannot be told from hidden data.
-            None => return Ok(()),
+            None => return Ok(false),
         }
     }
     if spans.len() as u64 != archive.entries_hint() {
@@ -107,7 +111,20 @@ pub(super) fn walk(
         problems.push(Problem::of_zip(Code::TotalTooLarge, message));
     }
     check_tiling(spans, archive.directory_offset(), problems);
-    Ok(())
+    Ok(true)
+}
+
+/// Whether the record at the zip's end says that the zip is one file and has its directory where that was found. In a field of all ones
+/// a 64-bit record speaks instead.
+fn check_end(archive: &ZipArchive<FileReader>) -> io::Result<bool> {
+    const LENGTH: u64 = 22;
+    let mut end = [0; LENGTH as usize];
+    let at = archive.end_offset().saturating_sub(archive.comment().remaining() + LENGTH);
+    archive.get_ref().read_exact_at(&mut end, at)?;
+    let [_, _, _, _, d0, d1, f0, f1, .., o0, o1, o2, o3, _, _] = end;
+    let place = u32::from_le_bytes([o0, o1, o2, o3]);
+    Ok([[d0, d1], [f0, f1]].map(u16::from_le_bytes).iter().all(|&disk| disk == 0 || disk == u16::MAX)
+        && (place == u32::MAX || u64::from(place) == archive.directory_offset()))
 }
 
 /// Bytes of the zip that an entry takes, from its header to the end of its descriptor.

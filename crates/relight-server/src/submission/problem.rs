@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 /// Characters of an entry's name that are shown.
 const SHOWN: usize = 200;
 
-/// What is wrong with an entry or with the zip: stable names for machines, explained in `docs/benchmark.md`.
+/// What is wrong with an entry or with the zip: stable names for machines, explained in `docs/submissions.md`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]

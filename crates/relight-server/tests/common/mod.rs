@@ -12,15 +12,7 @@ pub const SIZE: (u32, u32) = (16, 12);
 /// Writes a scene of 6 views and 5 lights. The images differ, and are black where `is_black` says so.
 pub fn scene(folder: &Path, is_black: impl Fn(usize, usize) -> bool) {
     let (width, height) = SIZE;
-    let lens = Intrinsics {
-        width,
-        height,
-        fx: 20.0,
-        fy: 20.0,
-        cx: 7.5,
-        cy: 5.5,
-        distortion: vec![0.0; 5],
-    };
+    let lens = Intrinsics { width, height, fx: 20.0, fy: 20.0, cx: 7.5, cy: 5.5, distortion: vec![0.0; 5] };
     let at = |i: usize, radius: f64, z: f64| {
         let angle = i as f64;
         Pose::look_at([radius * angle.cos(), radius * angle.sin(), z], [0.0; 3])

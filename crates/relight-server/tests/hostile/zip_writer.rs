@@ -68,7 +68,8 @@ impl Entry {
             return self.data.clone();
         }
         let mut bytes = Vec::new();
-        std::io::Read::read_to_end(&mut flate2::read::DeflateDecoder::new(&self.data[..]), &mut bytes).unwrap();
+        std::io::Read::read_to_end(&mut flate2::read::DeflateDecoder::new(&self.data[..]), &mut bytes)
+            .unwrap();
         bytes
     }
 }
@@ -156,8 +157,7 @@ fn write_local(zip: &mut Vec<u8>, entry: &Entry) {
         None => (stated.crc, stated.packed, stated.unpacked),
     };
     let flags = stated.flags | if entry.descriptor.is_some() { 1 << 3 } else { 0 };
-    let extra =
-        if entry.zip64 { [u16s(&[1, 16]), u64s(&[unpacked, packed])].concat() } else { Vec::new() };
+    let extra = if entry.zip64 { [u16s(&[1, 16]), u64s(&[unpacked, packed])].concat() } else { Vec::new() };
     let short = |size: u64| if entry.zip64 { u32::MAX } else { size as u32 };
     zip.extend(b"PK\x03\x04");
     zip.extend(u16s(&[20, flags, stated.method, 0, 0x21]));

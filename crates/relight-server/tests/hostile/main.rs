@@ -1,0 +1,114 @@
+//! Hostile zips: every one is refused, and for what it is.
+
+#[path = "../common/mod.rs"]
+mod common;
+mod faults;
+mod png_writer;
+mod zip_writer;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use common::{answers, benchmark, file};
+use faults::{Case, FAULTS, Fault, Random};
+use relight_server::benchmark::Benchmark;
+use relight_server::submission::{Limits, SubmissionError, check};
+use zip_writer::{Entry, Zip};
+
+/// A zip that an honest program could have written, of some shape.
+fn honest(answers: &[(String, Vec<u8>)], random: &mut Random) -> Case {
+    let descriptor = random.one(&[None, None, Some(true), Some(false)]);
+    let zip64 = random.below(4) == 0;
+    let deflated = random.below(3);
+    let entries = answers.iter().map(|(name, bytes)| Entry {
+        zip64,
+        descriptor,
+        ..Entry::new(name, bytes, if deflated == 2 { random.below(2) == 0 } else { deflated == 1 })
+    });
+    let entries = entries.collect();
+    let zip = Zip { entries, zip64: random.below(4) == 0, ..Zip::default() };
+    Case { zip, limits: Limits::default(), instead: None, kept: None }
+}
+
+fn written(case: &Case) -> Vec<u8> {
+    let mut bytes = case.instead.clone().unwrap_or_else(|| case.zip.write());
+    if let Some(thousandths) = case.kept {
+        bytes.truncate(bytes.len() * thousandths / 1000);
+    }
+    bytes
+}
+
+/// The codes of all that is wrong with a case; none if it is accepted.
+fn codes(case: &Case, benchmark: &Benchmark, folder: &Path) -> BTreeSet<String> {
+    let zip = file(folder, "upload.zip", &written(case));
+    match check(&zip, benchmark, &case.limits, &mut |_| ControlFlow::Continue(())) {
+        Ok(_) => BTreeSet::new(),
+        Err(SubmissionError::Refused(refusal)) => {
+            assert!(!refusal.problems.is_empty());
+            assert!(refusal.problems.iter().all(|problem| problem.message.len() > 10));
+            refusal.problems.iter().map(|problem| problem.code.to_string()).collect()
+        }
+        Err(error) => panic!("a zip's fault was taken for the disk's: {error}"),
+    }
+}
+
+#[test]
+fn honest_zips_of_all_shapes_pass() {
+    let (folder, benchmark) = benchmark();
+    for seed in 0..60 {
+        let answers = answers(&benchmark, seed % 2 == 0);
+        let case = honest(&answers, &mut Random(seed));
+        assert_eq!(codes(&case, &benchmark, folder.path()), BTreeSet::new(), "seed {seed}");
+    }
+}
+
+#[test]
+fn every_fault_is_refused_by_its_name() {
+    let (folder, benchmark) = benchmark();
+    let answers = answers(&benchmark, true);
+    for (n, fault) in FAULTS.iter().enumerate() {
+        for seed in 0..6 {
+            let mut random = Random((1000 * n + seed) as u64);
+            let mut case = honest(&answers, &mut random);
+            (fault.apply)(&mut case, &mut random);
+            let codes = codes(&case, &benchmark, folder.path());
+            let told = |among: &[&str]| codes.iter().filter(|code| among.contains(&code.as_str())).count();
+            assert!(told(fault.codes) > 0, "{}, seed {seed}: {codes:?}", fault.name);
+            assert_eq!(
+                told(fault.codes) + told(fault.also),
+                codes.len(),
+                "{}, seed {seed}: {codes:?}",
+                fault.name
+            );
+        }
+    }
+}
+
+#[test]
+fn a_thousand_hostile_zips_are_refused_with_their_reasons() {
+    let (folder, benchmark) = benchmark();
+    let answers = answers(&benchmark, false);
+    let mut reasons = BTreeMap::<String, usize>::new();
+    for seed in 0..1000 {
+        let mut random = Random(seed << 20);
+        let mut case = honest(&answers, &mut random);
+        let mut applied: Vec<&Fault> = Vec::new();
+        for _ in 0..=random.below(3) {
+            let fault = &FAULTS[random.below(FAULTS.len())];
+            if case.zip.entries.len() > 2 {
+                (fault.apply)(&mut case, &mut random);
+                applied.push(fault);
+            }
+        }
+        let names: Vec<&str> = applied.iter().map(|fault| fault.name).collect();
+        let codes = codes(&case, &benchmark, folder.path());
+        let reason = |code: &String| applied.iter().any(|fault| fault.codes.contains(&code.as_str()));
+        assert!(codes.iter().any(reason), "seed {seed}, {names:?}: {codes:?}");
+        codes.into_iter().for_each(|code| *reasons.entry(code).or_default() += 1);
+    }
+    // The grammar reaches every code.
+    let all: BTreeSet<&str> = FAULTS.iter().flat_map(|fault| fault.codes).copied().collect();
+    let reached: BTreeSet<&str> = reasons.keys().map(String::as_str).collect();
+    assert_eq!(all.difference(&reached).collect::<Vec<_>>(), Vec::<&&str>::new());
+}
