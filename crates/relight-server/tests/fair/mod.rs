@@ -72,7 +72,7 @@ impl Fair {
         let app = App::open(folder.path(), Settings { requests_per_second: rate, ..Settings::default() })
             .await
             .unwrap();
-        let ada = accounts::sign_up(&app.store, "Ada Lovelace", "ada@example.org", "analytical engine")
+        let ada = accounts::sign_up(&app.store, "Ada Lovelace", "lovelace@example.org", "analytical engine")
             .await
             .unwrap();
         let scene = |name: &&str| SceneEntry {
