@@ -97,6 +97,12 @@ fn looks_right(browser: &mut Browser, pages: &[String]) {
             assert_eq!(browser.ask(nameless), serde_json::json!([]), "{address}: controls without a name");
             let scopeless = "document.querySelectorAll('th:not([scope])').length";
             assert_eq!(browser.ask(scopeless), 0, "{address}: heads of tables without a scope");
+            if let Some(folder) = std::env::var_os("RELIGHT_SHEETS") {
+                let name: String =
+                    address.chars().map(|c| if c.is_alphanumeric() { c } else { '-' }).collect();
+                let scheme = if dark { "dark" } else { "light" };
+                browser.picture(&Path::new(&folder).join(format!("{name}-{width}-{scheme}.png")));
+            }
         }
     }
 }

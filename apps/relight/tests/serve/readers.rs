@@ -57,6 +57,7 @@ fn readers_hardly_wait_while_submissions_are_scored() {
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     let fair = runtime.block_on(Fair::with(&names));
     let board = Board::with((1440, 1080), Some(fair.folder.path()));
+    board.admin(&["quotas", "tiny", "--per-day", "1000", "--total", "1000"]);
     let server = board.start_with(&["--requests-per-second", "1000000"]);
     let benchmark = board.benchmark();
     let images: Vec<(String, Image)> = benchmark
