@@ -12,6 +12,7 @@ use serde::Serialize;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 use tracing::level_filters::LevelFilter;
+use tracing_subscriber::Layer;
 use tracing_subscriber::filter::Targets;
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
@@ -19,9 +20,9 @@ use tracing_subscriber::util::SubscriberInitExt;
 /// Time between plain lines of progress.
 pub const LINE_EVERY: Duration = Duration::from_secs(10);
 
-/// Sends logs to standard error: warnings, or more with `verbose`, or errors only.
-pub fn start_logging(verbose: u8, quiet: bool) {
-    let level = match (quiet, verbose) {
+/// Sends logs to standard error: warnings, or more with `verbose`, or errors only. A server tells more, and when.
+pub fn start_logging(verbose: u8, quiet: bool, is_server: bool) {
+    let level = match (quiet, verbose.saturating_add(is_server.into())) {
         (true, _) => tracing::Level::ERROR,
         (_, 0) => tracing::Level::WARN,
         (_, 1) => tracing::Level::INFO,
@@ -31,8 +32,8 @@ pub fn start_logging(verbose: u8, quiet: bool) {
     let lines = tracing_subscriber::fmt::layer()
         .with_writer(std::io::stderr)
         .with_ansi(std::io::stderr().is_terminal())
-        .with_target(false)
-        .without_time();
+        .with_target(false);
+    let lines = if is_server { lines.boxed() } else { lines.without_time().boxed() };
     // The search for boards warns of each of its many tries; what comes of them is told by whoever asked.
     let heard = Targets::new().with_default(level).with_target("calib_targets_charuco", LevelFilter::ERROR);
     tracing_subscriber::registry().with(lines).with(heard).init();

@@ -11,7 +11,7 @@ use std::process::ExitCode;
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand};
 
-use commands::{bench, capture, compare, demo, eval, export, profile, query, render, scene, submit, train};
+use commands::{bench, capture, compare, demo, eval, export, profile, query, render, scene, serve, submit, train};
 
 /// Turns one-light-at-a-time photographs into a scene that can be seen and lit from anywhere.
 ///
@@ -56,6 +56,7 @@ enum Command {
     Compare(compare::Args),
     Profile(profile::Args),
     Bench(bench::Args),
+    Serve(serve::Args),
     Submit(submit::Args),
 }
 
@@ -66,7 +67,8 @@ fn main() -> ExitCode {
     {
         Cli::command().error(ErrorKind::ValueValidation, error).exit();
     }
-    console::start_logging(cli.verbose, cli.quiet);
+    let is_server = matches!(&cli.command, Command::Serve(args) if args.is_server());
+    console::start_logging(cli.verbose, cli.quiet, is_server);
     match run(cli) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
@@ -93,6 +95,7 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Compare(args) => compare::run(&args),
         Command::Profile(args) => profile::run(&args, quiet),
         Command::Bench(args) => bench::run(&args, quiet),
+        Command::Serve(args) => serve::run(&args, quiet),
         Command::Submit(args) => submit::run(&args, quiet),
     }
 }

@@ -137,20 +137,31 @@ pub fn score(
         Ok(ImageScore { scene: scene.name.clone(), split: image.split, camera, light, psnr, ssim })
     };
     let images = submission.each_image(benchmark, limits, one, progress)?;
-    let scenes: Vec<SceneScores> =
-        benchmark.scenes.iter().map(|scene| scene_scores(&scene.name, &images)).collect();
-    let over_scenes = |split: Split| {
-        let means: Vec<Mean> = scenes
-            .iter()
-            .flat_map(|scene| &scene.means)
-            .filter(|mean| mean.split == split)
-            .copied()
-            .collect();
-        let images = means.iter().map(|mean| mean.images).sum();
-        mean(split, images, means.iter().map(|mean| (mean.psnr, mean.ssim)))
-    };
-    let means = SCORED.into_iter().filter_map(over_scenes).collect();
-    Ok(Scores { evaluator: EVALUATOR.to_owned(), means, scenes, images })
+    Ok(Scores::of(images))
+}
+
+impl Scores {
+    /// The scores of images and their means; scenes in the order in which images first show them.
+    pub fn of(images: Vec<ImageScore>) -> Scores {
+        let mut scenes: Vec<SceneScores> = Vec::new();
+        for image in &images {
+            if scenes.iter().all(|scene| scene.scene != image.scene) {
+                scenes.push(scene_scores(&image.scene, &images));
+            }
+        }
+        let over_scenes = |split: Split| {
+            let means: Vec<Mean> = scenes
+                .iter()
+                .flat_map(|scene| &scene.means)
+                .filter(|mean| mean.split == split)
+                .copied()
+                .collect();
+            let images = means.iter().map(|mean| mean.images).sum();
+            mean(split, images, means.iter().map(|mean| (mean.psnr, mean.ssim)))
+        };
+        let means = SCORED.into_iter().filter_map(over_scenes).collect();
+        Scores { evaluator: EVALUATOR.to_owned(), means, scenes, images }
+    }
 }
 
 fn scene_scores(scene: &str, images: &[ImageScore]) -> SceneScores {

@@ -27,8 +27,43 @@ pub fn mean_image(scene: &Scene, store: &PixelStore) -> Option<Image> {
             }
         });
     }
-    let data = sums.iter().flatten().map(|s| ((s + images / 2) / images.max(1)) as u8).collect();
+    let data = sums.iter().flatten().map(|&sum| mean_of(sum, images)).collect();
     Some(Image { width, height, data })
+}
+
+/// As [`mean_image`], of the frames numbered `frames`: each is read and forgotten, so that nothing but the sum is held.
+///
+/// # Errors
+/// [`SceneError`] if one cannot be read.
+pub fn mean_frame(scene: &Scene, frames: &[usize]) -> Result<Option<Image>, SceneError> {
+    let Some(&first) = frames.first() else { return Ok(None) };
+    let size = |frame: usize| {
+        let camera = &scene.cameras[scene.frames[frame].camera].intrinsics;
+        (camera.width, camera.height)
+    };
+    let (width, height) = size(first);
+    if frames.iter().any(|&frame| size(frame) != (width, height)) {
+        return Ok(None);
+    }
+    let nothing = || vec![0u64; 3 * width as usize * height as usize];
+    let sums = frames
+        .par_iter()
+        .try_fold(nothing, |mut sums, &frame| {
+            let image = scene.read_frame(frame)?;
+            sums.iter_mut().zip(&image.data).for_each(|(sum, &byte)| *sum += u64::from(byte));
+            Ok::<_, SceneError>(sums)
+        })
+        .try_reduce(nothing, |mut sums, others| {
+            sums.iter_mut().zip(others).for_each(|(sum, other)| *sum += other);
+            Ok(sums)
+        })?;
+    let data = sums.into_iter().map(|sum| mean_of(sum, frames.len() as u64)).collect();
+    Ok(Some(Image { width, height, data }))
+}
+
+/// A mean, halves rounded up.
+fn mean_of(sum: u64, count: u64) -> u8 {
+    ((sum + count / 2) / count.max(1)) as u8
 }
 
 /// The training images by camera, to copy from.

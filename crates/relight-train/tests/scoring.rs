@@ -8,7 +8,7 @@ use common::{FakeEngine, config, tiny_scene};
 use relight_metrics::psnr;
 use relight_scene::{Image, Split};
 use relight_train::TrainError;
-use relight_train::baselines::{NearestLight, mean_image};
+use relight_train::baselines::{NearestLight, mean_frame, mean_image};
 use relight_train::evaluation::evaluate;
 
 #[test]
@@ -17,6 +17,7 @@ fn the_mean_image_is_the_mean_of_all_training_images() {
     let data = tiny_scene(folder.path());
     let images: Vec<Image> = data.splits.train.iter().map(|&f| data.scene.read_frame(f).unwrap()).collect();
     let mean = mean_image(&data.scene, &data.pixels).unwrap();
+    assert_eq!(mean_frame(&data.scene, &data.splits.train).unwrap().unwrap(), mean);
     for (i, &byte) in mean.data.iter().enumerate() {
         let sum: f64 = images.iter().map(|image| f64::from(image.data[i])).sum();
         assert!((f64::from(byte) - sum / images.len() as f64).abs() <= 0.5 + 1e-9);

@@ -10,5 +10,6 @@ pub mod profile;
 pub mod query;
 pub mod render;
 pub mod scene;
+pub mod serve;
 pub mod submit;
 pub mod train;

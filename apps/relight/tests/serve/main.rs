@@ -1,0 +1,14 @@
+//! `relight serve` and its admin commands: the real program on a real port.
+
+// Helpers outside of test functions unwrap too.
+#![allow(clippy::unwrap_used)]
+
+mod admin;
+mod board;
+#[path = "../../../../crates/relight-server/tests/fair/mod.rs"]
+mod fair;
+mod fairness;
+mod kills;
+mod readers;
+mod uploads;
+mod visibility;
