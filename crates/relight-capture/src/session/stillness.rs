@@ -78,12 +78,12 @@ pub fn compare(before: &Image, after: &Image) -> Change {
             ));
         }
     }
-    let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
+    // Hardly more than nothing on the diagonal: a picture without slopes tells of brightness, and of no shift.
+    let (mut normal, mut right) = (Matrix3::identity() * 1e-3, Vector3::zeros());
     for (slopes, difference) in &pixels {
         normal += slopes * slopes.transpose();
         right += slopes * *difference;
     }
-    // A picture without slopes tells of no shift.
     let inverse = normal.try_inverse().unwrap_or_default();
     let found = inverse * right;
     let left: Vec<f64> = pixels.iter().map(|(slopes, difference)| difference - slopes.dot(&found)).collect();
