@@ -11,7 +11,9 @@ use std::process::ExitCode;
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand};
 
-use commands::{bench, capture, compare, demo, eval, export, profile, query, render, scene, serve, submit, train};
+use commands::{
+    bench, capture, compare, demo, eval, export, profile, query, render, scene, serve, submit, train,
+};
 
 /// Turns one-light-at-a-time photographs into a scene that can be seen and lit from anywhere.
 ///

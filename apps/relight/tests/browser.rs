@@ -1,12 +1,13 @@
 //! Pages in a real browser, headless Chromium: needs `chromium` on the path (Debian's package of that name), or the
 //! browser that `RELIGHT_BROWSER` names.
 
+#![allow(clippy::unwrap_used)]
+
 mod common;
-#[allow(clippy::unwrap_used)]
 #[path = "common/browser.rs"]
 mod driver;
 // The server's tests use the rest of it.
-#[allow(dead_code, clippy::unwrap_used)]
+#[allow(dead_code)]
 #[path = "serve/board.rs"]
 mod served;
 

@@ -260,6 +260,8 @@ fn mirrored(i: usize, offset: usize, n: usize) -> usize {
 
 #[cfg(test)]
 mod tests {
+    use fearless_simd::Simd as _;
+
     use super::*;
 
     fn noise(bytes: usize, seed: u32) -> Vec<u8> {

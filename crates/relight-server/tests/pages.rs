@@ -1,5 +1,7 @@
 //! The pages, over HTTP but without a browser: who sees what, what is escaped, which forms are taken.
 
+#![allow(clippy::unwrap_used)]
+
 mod fair;
 
 use axum::body::Body;

@@ -110,7 +110,10 @@ pub struct Entry {
 
 /// By how much the true mean may differ, by split and metric.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Intervals(Vec<(Split, [Option<(f64, f64)>; 2])>);
+pub struct Intervals(Vec<(Split, OfMetrics)>);
+
+/// Below and above the mean of each metric.
+type OfMetrics = [Option<(f64, f64)>; 2];
 
 impl Intervals {
     /// Works them out: some 15 ms for a whole ReNe submission.

@@ -182,6 +182,10 @@ impl Guest {
     ///
     /// # Errors
     /// The redirection.
+    #[expect(
+        clippy::result_large_err,
+        reason = "the redirection is the answer, made where it is needed and sent at once"
+    )]
     pub fn signed_in(&self, here: &str) -> Result<&User, Response> {
         let to_sign_in = || Redirect::to(&format!("/sign-in?next={}", percent_encoded(here))).into_response();
         self.user.as_ref().ok_or_else(to_sign_in)

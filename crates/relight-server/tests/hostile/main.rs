@@ -1,5 +1,7 @@
 //! Hostile zips: every one is refused, and for what it is.
 
+#![allow(clippy::unwrap_used)]
+
 #[path = "../common/mod.rs"]
 mod common;
 mod faults;
