@@ -59,7 +59,12 @@ fn an_official_scene_asks_for_the_published_images() {
     (0..50).for_each(|view| writer.write_frame(view, 0, &black).unwrap());
     let data = |light: usize| folder.path().join(format!("apple/lset{light:03}/data"));
     for file in data(0).read_dir().unwrap().map(|entry| entry.unwrap().path()) {
-        (1..40).for_each(|light| drop(fs::copy(&file, data(light).join(file.file_name().unwrap())).unwrap()));
+        (1..40).for_each(|light| {
+            assert_eq!(
+                fs::copy(&file, data(light).join(file.file_name().unwrap())).unwrap(),
+                file.metadata().unwrap().len()
+            )
+        });
     }
     let benchmark = Benchmark::layout(folder.path()).unwrap();
     let images = &benchmark.scenes[0].images;
