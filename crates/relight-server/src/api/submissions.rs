@@ -172,7 +172,7 @@ fn told(app: &App, entry: SubmissionEntry, is_own: bool) -> ToldSubmission {
         reason: entry.reason,
         scores: entry.scores.as_ref().map(tell),
         receipt: entry.receipt,
-        own: is_own.then(|| Own {
+        own: is_own.then_some(Own {
             sha256: entry.sha256,
             bytes: entry.bytes,
             hidden: entry.hidden,

@@ -182,8 +182,8 @@ impl Guest {
     ///
     /// # Errors
     /// The redirection.
-    pub fn signed_in(&self, here: &str) -> Result<&User, Response> {
-        let to_sign_in = || Redirect::to(&format!("/sign-in?next={}", percent_encoded(here))).into_response();
+    pub fn signed_in(&self, here: &str) -> Result<&User, Redirect> {
+        let to_sign_in = || Redirect::to(&format!("/sign-in?next={}", percent_encoded(here)));
         self.user.as_ref().ok_or_else(to_sign_in)
     }
 }
