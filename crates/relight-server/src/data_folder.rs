@@ -13,6 +13,8 @@
 use std::fs::{self, File, TryLockError};
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
+use std::thread;
+use std::time::Duration;
 
 /// Why a data folder cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -163,16 +165,28 @@ fn list(folder: &Path) -> Result<Vec<PathBuf>, FolderError> {
     entries.map(|entry| entry.map(|entry| entry.path()).map_err(io_at(folder))).collect()
 }
 
-/// Removes a file or a folder, if there is one.
+/// How often a folder is tried to be removed that someone writes into.
+const TRIES: u32 = 100;
+/// Between two tries.
+const BETWEEN: Duration = Duration::from_millis(50);
+
+/// Removes a file or a folder, if there is one. The scorer of a server that was killed may write for a moment more.
 pub(crate) fn remove(path: &Path) -> Result<(), FolderError> {
-    let removed = match fs::symlink_metadata(path) {
-        Ok(metadata) if metadata.is_dir() => fs::remove_dir_all(path),
-        Ok(_) => fs::remove_file(path),
-        Err(error) => Err(error),
-    };
-    match removed {
-        Err(error) if error.kind() != ErrorKind::NotFound => Err(io_at(path)(error)),
-        _ => Ok(()),
+    let mut tries = 0;
+    loop {
+        let removed = match fs::symlink_metadata(path) {
+            Ok(metadata) if metadata.is_dir() => fs::remove_dir_all(path),
+            Ok(_) => fs::remove_file(path),
+            Err(error) => Err(error),
+        };
+        match removed {
+            Err(error) if error.kind() == ErrorKind::DirectoryNotEmpty && tries < TRIES => {
+                tries += 1;
+                thread::sleep(BETWEEN);
+            }
+            Err(error) if error.kind() != ErrorKind::NotFound => return Err(io_at(path)(error)),
+            _ => return Ok(()),
+        }
     }
 }
 

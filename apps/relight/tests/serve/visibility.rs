@@ -16,6 +16,9 @@ fn what_is_private_hidden_or_withdrawn_is_not_there_for_others() {
     let id = server.submit("visibility=private", &board.token, &board.zip(1, false));
     let path = format!("/api/v1/submissions/{id}");
     server.verdict(&id, &board.token);
+    for page in ["", "/receipt.json", "/pictures/box_00_00.png"] {
+        assert_eq!(server.get(&format!("/submissions/{id}{page}"), None).status, 404, "{page}");
+    }
     let none = server.get("/api/v1/submissions/ffffffffffffffff", Some(&eve));
     assert_eq!(none.status, 404);
     let seen_by_others = || {
@@ -78,6 +81,12 @@ fn paths(id: &str, image: &str) -> Vec<String> {
         "/api/v1/benchmarks/tiny/leaderboard",
         "/api/v1/submissions",
         "/api/v1/receipt-key",
+        "/api/v1/benchmarks/tiny/leaderboard.json",
+        "/api/v1/benchmarks/tiny/leaderboard.csv",
+        "/benchmarks/tiny",
+        "/benchmarks/tiny/submit",
+        "/benchmarks/tiny/upload",
+        "/account",
         "/healthz",
         "/metrics",
         "/scenes",
@@ -106,7 +115,10 @@ fn paths(id: &str, image: &str) -> Vec<String> {
         format!("/submissions/{id}/pictures/{}", image.replace(".png", "_truth.png")),
         format!("/submissions/{id}/pictures/{}", image.replace(".png", "_error.png")),
     ]);
-    for prefix in ["", "/static", "/pictures", "/api/v1/benchmarks", "/api/v1/submissions", &one] {
+    let page = format!("/submissions/{id}");
+    let pictures = format!("{page}/pictures");
+    paths.extend([page.clone(), format!("{page}/receipt.json"), pictures.clone()]);
+    for prefix in ["", "/static", "/pictures", "/api/v1/benchmarks", "/benchmarks", &one, &page, &pictures] {
         paths.push(format!("{prefix}/{image}"));
         paths.push(format!("{prefix}/server.db"));
         paths.push(format!("{prefix}/receipt-key"));

@@ -62,6 +62,11 @@ fn limit(job: &Job) -> Result<(), String> {
         // Scoring on for a server that was killed would only slow the next one.
         set_parent_process_death_signal(Some(Signal::KILL))
             .map_err(|error| format!("cannot be tied to the server: {error}"))?;
+        // It may have been killed before that.
+        let parent = rustix::process::getppid().map(|pid| pid.as_raw_pid().unsigned_abs());
+        if parent != Some(job.server) {
+            return Err("the server that asked for it is gone".to_owned());
+        }
     }
     Ok(())
 }

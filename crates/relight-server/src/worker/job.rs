@@ -26,6 +26,8 @@ pub struct Job {
     pub memory: u64,
     /// Bytes that a zip may have.
     pub zip_bytes: u64,
+    /// The server's process: nobody else asks for the scores.
+    pub server: u32,
 }
 
 /// What the process that scores has to say.

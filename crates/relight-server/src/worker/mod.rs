@@ -98,8 +98,10 @@ async fn score_one(
     stop: &mut watch::Receiver<bool>,
 ) -> Result<(), WorkerError> {
     let begun = Instant::now();
-    let pictures = app.folder.incoming().join(format!("pictures-{}", claim.id));
-    remove(&pictures)?;
+    // A name of its own: the scorer of a server that was killed may still write into the folder that it was given.
+    let incoming = app.folder.incoming();
+    let scratch = tempfile::tempdir_in(&incoming).map_err(io_at(&incoming))?;
+    let pictures = scratch.path().join("pictures");
     let ended = score_in_child(app, scorer, claim, &pictures, stop).await;
     let milliseconds = u64::try_from(begun.elapsed().as_millis()).unwrap_or(u64::MAX);
     app.metrics.scoring_milliseconds.fetch_add(milliseconds, Ordering::Relaxed);
@@ -138,7 +140,6 @@ async fn score_one(
     }
     if matches!(verdict, Verdict::Refused { .. }) || entry.withdrawn_at.is_some() {
         app.folder.forget(&claim.id)?;
-        remove(&pictures)?;
     }
     Ok(())
 }
@@ -194,6 +195,7 @@ async fn score_in_child(
         pictures: pictures.to_owned(),
         memory: app.settings.scoring_memory,
         zip_bytes: app.settings.limits.zip_bytes,
+        server: std::process::id(),
     };
     let mut child = match start(scorer, &job) {
         Ok(child) => child,
