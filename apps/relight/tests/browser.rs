@@ -81,6 +81,7 @@ fn the_page_of_the_demo_shows_all_that_is_on_it() {
 
 /// Pages of the server as they look, from narrow to wide, by day and by night: nothing reaches over the side, nothing fails, nothing
 /// is refused by the browser.
+#[allow(clippy::unwrap_used)]
 fn looks_right(browser: &mut Browser, pages: &[String]) {
     for address in pages {
         for (width, dark) in [(390, false), (390, true), (1280, false)] {

@@ -108,12 +108,12 @@ pub struct Entry {
     pub intervals: Intervals,
 }
 
+/// How far below and above a mean its interval ends; `None` if not all scores are finite.
+type Ends = Option<(f64, f64)>;
+
 /// By how much the true mean may differ, by split and metric.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Intervals(Vec<(Split, OfMetrics)>);
-
-/// Below and above the mean of each metric.
-type OfMetrics = [Option<(f64, f64)>; 2];
+pub struct Intervals(Vec<(Split, [Ends; 2])>);
 
 impl Intervals {
     /// Works them out: some 15 ms for a whole ReNe submission.

@@ -71,7 +71,7 @@ enum Drawing {
 }
 
 impl Boards {
-    /// The leaderboards, at most a moment old, or a little more while they are being worked out.
+    /// The leaderboards, at most a tenth of a second old, or a second while they are being worked out.
     ///
     /// # Errors
     /// If the database fails.

@@ -137,7 +137,7 @@ async fn account_page(
 ) -> Result<Response, PageError> {
     let user = match guest.signed_in("/account") {
         Ok(user) => user,
-        Err(to_sign_in) => return Ok(to_sign_in),
+        Err(to_sign_in) => return Ok(to_sign_in.into_response()),
     };
     let tokens = app.store.tokens(user).await?;
     let page = account::account(&guest.visitor(), user, &tokens, new_token, &capital(problem));
@@ -156,7 +156,7 @@ pub(super) async fn new_token(
 ) -> Result<Response, PageError> {
     let user = match guest.signed_in("/account") {
         Ok(user) => user,
-        Err(to_sign_in) => return Ok(to_sign_in),
+        Err(to_sign_in) => return Ok(to_sign_in.into_response()),
     };
     match accounts::new_token(&app.store, user, &form.name, &user.name).await {
         Ok(token) => account_page(&app, &guest, StatusCode::OK, Some(&token), "").await,
@@ -176,7 +176,7 @@ pub(super) async fn revoke_token(
 ) -> Result<Response, PageError> {
     match guest.signed_in("/account") {
         Ok(user) => app.store.revoke_token(user, token).await?,
-        Err(to_sign_in) => return Ok(to_sign_in),
+        Err(to_sign_in) => return Ok(to_sign_in.into_response()),
     }
     Ok(Redirect::to("/account").into_response())
 }
@@ -196,7 +196,7 @@ pub(super) async fn new_password(
 ) -> Result<Response, PageError> {
     let user = match guest.signed_in("/account") {
         Ok(user) => user,
-        Err(to_sign_in) => return Ok(to_sign_in),
+        Err(to_sign_in) => return Ok(to_sign_in.into_response()),
     };
     app.rates.sign_in(client.0)?;
     let changed = match accounts::sign_in(&app.store, &user.name, &form.old).await {

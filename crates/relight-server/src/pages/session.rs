@@ -182,12 +182,8 @@ impl Guest {
     ///
     /// # Errors
     /// The redirection.
-    #[expect(
-        clippy::result_large_err,
-        reason = "the redirection is the answer, made where it is needed and sent at once"
-    )]
-    pub fn signed_in(&self, here: &str) -> Result<&User, Response> {
-        let to_sign_in = || Redirect::to(&format!("/sign-in?next={}", percent_encoded(here))).into_response();
+    pub fn signed_in(&self, here: &str) -> Result<&User, Redirect> {
+        let to_sign_in = || Redirect::to(&format!("/sign-in?next={}", percent_encoded(here)));
         self.user.as_ref().ok_or_else(to_sign_in)
     }
 }

@@ -27,7 +27,7 @@ const FIELDS: usize = 20;
 pub(super) async fn history(State(app): State<AppState>, guest: Guest) -> Result<Response, PageError> {
     let user = match guest.signed_in("/account/submissions") {
         Ok(user) => user,
-        Err(to_sign_in) => return Ok(to_sign_in),
+        Err(to_sign_in) => return Ok(to_sign_in.into_response()),
     };
     let all = app.store.submissions(Listing::OfUser(user.id)).await?;
     let lines: Vec<Line> = all.into_iter().map(line).collect();
@@ -59,7 +59,7 @@ pub(super) async fn upload_form(
     let benchmark = app.store.benchmark(&name).await?;
     match guest.signed_in(&format!("/benchmarks/{}/upload", percent_encoded(&name))) {
         Ok(user) => upload_page(&app, &guest, user, &benchmark, StatusCode::OK, "").await,
-        Err(to_sign_in) => Ok(to_sign_in),
+        Err(to_sign_in) => Ok(to_sign_in.into_response()),
     }
 }
 
@@ -89,7 +89,7 @@ pub(super) async fn upload(
     let benchmark = app.store.benchmark(&name).await?;
     let user = match guest.signed_in(&format!("/benchmarks/{}/upload", percent_encoded(&name))) {
         Ok(user) => user,
-        Err(to_sign_in) => return Ok(to_sign_in),
+        Err(to_sign_in) => return Ok(to_sign_in.into_response()),
     };
     let multipart = Multipart::from_request(request, &app).await;
     let multipart = multipart.map_err(|error| ApiError::new(StatusCode::BAD_REQUEST, error.to_string()))?;
@@ -194,7 +194,7 @@ pub(super) async fn set_visibility(
     let here = format!("/submissions/{}", percent_encoded(&id));
     match guest.signed_in(&here) {
         Ok(user) => app.store.set_visibility(&id, user, form.to).await?,
-        Err(to_sign_in) => return Ok(to_sign_in),
+        Err(to_sign_in) => return Ok(to_sign_in.into_response()),
     }
     app.boards.changed();
     Ok(Redirect::to(&here).into_response())
@@ -208,7 +208,7 @@ pub(super) async fn withdraw(
     let here = format!("/submissions/{}", percent_encoded(&id));
     let withdrawn = match guest.signed_in(&here) {
         Ok(user) => app.withdraw(&id, user).await,
-        Err(to_sign_in) => return Ok(to_sign_in),
+        Err(to_sign_in) => return Ok(to_sign_in.into_response()),
     };
     app.boards.changed();
     match withdrawn {
