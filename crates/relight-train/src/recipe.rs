@@ -193,6 +193,10 @@ impl Recipe {
         if !(2..=4096).contains(&first) || second > 4096 {
             return fault("samples and coarse", "2 to 4096, and fine at most 4096");
         }
+        // Some 400 bytes each.
+        if self.rays_per_step * (first + second) > 1 << 24 {
+            return fault("rays-per-step times samples of a ray", "at most 16777216");
+        }
         let punished = [0.0, 0.25, 0.5, 0.75, 1.0].iter().any(|&p| self.depth_weight.at(p) > 0.0);
         if punished && self.depth_margin <= 0.0 {
             return fault("depth-margin", "above 0 where depth-weight is");
