@@ -151,7 +151,7 @@ fn serve(answers: Vec<(&'static str, &'static str)>) -> (String, JoinHandle<Vec<
 #[test]
 fn a_zip_is_sent_and_its_scores_are_waited_for() {
     let workshop = Workshop::new();
-    let zip: Vec<u8> = (0..200_000_u32).map(|i| (i * i) as u8).collect();
+    let zip: Vec<u8> = (0..200_000_u32).map(|i| i.wrapping_mul(i) as u8).collect();
     fs::write(workshop.path("a.zip"), &zip).unwrap();
     let scores = r#"{"state":"scored","scores":{"means":[{"split":"easy","psnr":25.791,"ssim":0.6204},{"split":"hard","psnr":null,"ssim":1}]}}"#;
     let (address, server) = serve(vec![

@@ -12,7 +12,7 @@ fn main() {
 /// Two pictures that differ a little.
 fn pictures() -> (Vec<u8>, Vec<u8>) {
     let byte = |i: u32, noise: u32| {
-        ((i / 7 % 160 + i / 1000 % 60 + i.wrapping_mul(2_654_435_761)) >> 28 & noise) as u8
+        (i / 7 % 160 + i / 1000 % 60 + ((i.wrapping_mul(2_654_435_761) >> 28) & noise)) as u8
     };
     ((0..3 * PIXELS).map(|i| byte(i, 15)).collect(), (0..3 * PIXELS).map(|i| byte(i, 7)).collect())
 }
