@@ -146,6 +146,7 @@ async fn forms_without_their_token_are_refused() {
 }
 
 /// Sends the upload form with these fields.
+#[allow(clippy::unwrap_used)]
 async fn upload(fair: &Fair, fields: &[(&str, &str)]) -> (StatusCode, String) {
     let mut body = String::new();
     for (name, value) in fields {
