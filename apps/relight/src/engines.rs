@@ -49,8 +49,8 @@ pub fn create(
     Ok(Box::new(CpuEngine::new(parameters, config)?))
 }
 
-/// The best weights of a run.
-pub fn weights(run: &RunFolder) -> anyhow::Result<Parameters> {
+/// The best weights of a run, of the field that its configuration tells.
+pub fn weights(run: &RunFolder, config: &RunConfig) -> anyhow::Result<Parameters> {
     let path = run.weights();
     ensure!(
         path.is_file(),
@@ -59,12 +59,22 @@ pub fn weights(run: &RunFolder) -> anyhow::Result<Parameters> {
         path.display(),
         run.root().display()
     );
-    Ok(weights_file::load(&path)?)
+    let parameters = weights_file::load(&path)?;
+    let told = config.field()?;
+    // Else scores would be told of another model than they are of.
+    ensure!(
+        (parameters.config.architecture, parameters.config.grid) == (told.architecture, told.grid),
+        "{}: is not of the model {} and the grid that config.toml beside it tells; put back the one that belongs to the \
+         other",
+        path.display(),
+        config.model
+    );
+    Ok(parameters)
 }
 
 /// An engine that holds the best weights of a run.
 pub fn of_run(run: &RunFolder, config: &RunConfig) -> anyhow::Result<Box<dyn Engine>> {
-    let parameters = weights(run)?;
+    let parameters = weights(run, config)?;
     let mut engine = create(Device::Auto, &parameters, config.engine())
         .with_context(|| run.weights().display().to_string())?;
     if let Some(guide) = guide_file::load(&run.guide())? {

@@ -135,6 +135,13 @@ fn exported_weights_are_those_of_the_run() {
     shop.succeed("export run --weights out.safetensors");
     let exported = weights_file::load(&shop.path("out.safetensors")).unwrap();
     assert!(exported == weights_file::load(&shop.path("run/weights.safetensors")).unwrap());
+
+    // Weights of another model than the configuration tells are never scored as that model's.
+    let config = fs::read_to_string(shop.path("run/config.toml")).unwrap();
+    fs::write(shop.path("run/config.toml"), config.replace("model = \"v5\"", "model = \"v1\"")).unwrap();
+    for command in ["eval run", "export run --weights other.safetensors"] {
+        assert!(shop.fail(command, 1).contains("weights.safetensors: is not of the model v1"), "{command}");
+    }
 }
 
 #[test]

@@ -161,6 +161,10 @@ fn recipes_that_make_no_sense_are_refused_by_setting() {
     for (recipe, reason) in [
         ("rays-per-step = 0", "rays-per-step"),
         ("rays-per-stop = 10", "rays-per-stop"),
+        (
+            "rays-per-step = 1048576\nlights-per-ray = 1\nprobes-per-ray = 0\n[sampling.guided]\nsamples = 4096",
+            "samples of a ray",
+        ),
         ("learning-rate = 3", "learning-rate"),
         ("[grid]\nlevels = 99\nfeatures = 2\nlog2_table = 10\nbase = 4\nfinest = 16", "levels"),
         ("density-scale = -1.0", "density_scale"),

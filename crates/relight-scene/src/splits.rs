@@ -136,7 +136,16 @@ impl Splits {
     /// The splits that need not be drawn.
     fn settled(scene: &Scene) -> Result<Option<Splits>, SceneError> {
         if is_official(scene) {
-            return Ok(Some(published(scene)));
+            let published = published(scene);
+            if let Ok(Some(own)) = file::read(scene)
+                && own != published
+            {
+                tracing::warn!(
+                    "{}: is not used: a scene with the views and lights of the official release has the published splits",
+                    file::path(scene).display()
+                );
+            }
+            return Ok(Some(published));
         }
         match &scene.declared {
             Some(declared) => Ok(Some(drawn::with_validation(declared.clone()))),

@@ -22,7 +22,7 @@ pub struct Args {
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     places::check_file(&args.weights)?;
-    let (run, _) = RunFolder::open(&args.run)?;
-    weights_file::save(&engines::weights(&run)?, &args.weights)?;
+    let (run, config) = RunFolder::open(&args.run)?;
+    weights_file::save(&engines::weights(&run, &config)?, &args.weights)?;
     Ok(())
 }

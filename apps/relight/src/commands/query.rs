@@ -62,7 +62,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         bail!("{file}: no \"light\": model {} needs the light's 16 numbers, row by row", config.model);
     }
     // The plain engine in double precision: what others compare with should carry no rounding of ours.
-    let parameters = engines::weights(&run)?;
+    let parameters = engines::weights(&run, &config)?;
     let values = reference::query(&Field::<f64>::new(&parameters)?, &points)?;
     print_json(&Answer { density: values.density, rgb: values.rgb, visibility: values.visibility })
 }

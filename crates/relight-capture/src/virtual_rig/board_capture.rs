@@ -35,9 +35,10 @@ const TURN: f64 = 8e-5;
 const THICKNESS: f64 = 0.004;
 /// Distance of the photographs for the lens, metres.
 const DISTANCE: f64 = 0.6;
-/// Where the light's arm truly stands: half a metre behind the board, turned by a quarter and a little askew.
-const LIGHT_BASE_TURN: [f64; 3] = [0.004, -0.003, 1.58];
-const LIGHT_BASE: [f64; 3] = [0.02, 0.5, -0.01];
+/// Where the light's arm truly stands: some millimetres from where [`VirtualCapture::arms`](super::VirtualCapture::arms) has it,
+/// and a little askew.
+const LIGHT_BASE_TURN: [f64; 3] = [0.004, -0.003, 2.364];
+const LIGHT_BASE: [f64; 3] = [-0.338, 0.342, 0.029];
 
 /// What is photographed, and how finely. All numbers together make the session what it is: equal ones, equal bytes.
 #[derive(Clone, Debug, PartialEq)]
