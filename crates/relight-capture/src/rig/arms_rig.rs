@@ -37,11 +37,23 @@ pub trait Eye {
     /// # Errors
     /// As [`Camera::shoot`].
     fn shoot(&mut self, stance: &Stance) -> Result<Frame, CameraError>;
+
+    /// Lets the following photographs be exposed for a multiple of the session's time.
+    ///
+    /// # Errors
+    /// As [`Camera::expose`].
+    fn expose(&mut self, multiple: f64) -> Result<(), CameraError> {
+        if multiple == 1.0 { Ok(()) } else { Err(CameraError::fixed_exposure()) }
+    }
 }
 
 impl<C: Camera + ?Sized> Eye for Box<C> {
     fn shoot(&mut self, _: &Stance) -> Result<Frame, CameraError> {
         (**self).shoot()
+    }
+
+    fn expose(&mut self, multiple: f64) -> Result<(), CameraError> {
+        (**self).expose(multiple)
     }
 }
 
@@ -282,5 +294,9 @@ impl Rig for ArmsRig<'_> {
             mend: "Go to a view first.",
         })?;
         self.eye.shoot(stance)
+    }
+
+    fn expose(&mut self, multiple: f64) -> Result<(), CameraError> {
+        self.eye.expose(multiple)
     }
 }

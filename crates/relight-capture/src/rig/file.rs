@@ -12,6 +12,7 @@ use super::suggestion::with_suggestion;
 use crate::camera::Development;
 use crate::kinematics::ArmsSettings;
 use crate::robot::JointSpeed;
+use crate::session::Care;
 use crate::trajectory::{ArmSettings, ObjectBox, PlanSettings};
 
 /// A rig file's longest length, bytes.
@@ -41,6 +42,8 @@ pub struct RigFile {
     pub lens: Option<RoughLens>,
     /// How raw photographs are developed.
     pub development: Developing,
+    /// What is done around each photograph.
+    pub session: Care,
 }
 
 /// Where the controllers of both arms listen, each HOST or HOST:PORT.
@@ -248,6 +251,7 @@ mod tests {
     fn keys_that_are_none_are_refused_and_the_likely_one_is_told() {
         for (text, says) in [
             ("[motion]\nspeed-degree = 3", "did you mean `speed-degrees`?"),
+            ("[session]\nsettle-trys = 3", "did you mean `settle-tries`?"),
             ("[controler]\n", "did you mean `controllers`?"),
             ("[photographs]\nfrom = \"foldr\"", "did you mean `folder`?"),
             (

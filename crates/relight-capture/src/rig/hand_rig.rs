@@ -36,4 +36,8 @@ impl Rig for HandRig<'_> {
     fn shoot(&mut self) -> Result<Frame, CameraError> {
         self.eye.shoot(&self.stance)
     }
+
+    fn expose(&mut self, multiple: f64) -> Result<(), CameraError> {
+        self.eye.expose(multiple)
+    }
 }

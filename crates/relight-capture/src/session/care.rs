@@ -7,7 +7,7 @@ use super::SessionError;
 /// Dark and flat frames, exposure brackets, and checks that nothing moved. Nothing of it is done unless asked for. It is part of
 /// what a session is, and can stand as a table of a rig file, where all of it may be left out.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Care {
     /// Frames without light that are averaged at the session's start; 0: none.
     pub dark_frames: u32,
@@ -41,13 +41,13 @@ impl Care {
     /// Refuses what cannot be, for a session of so many lights.
     pub(super) fn check(&self, lights: usize) -> Result<(), SessionError> {
         let wrong = |problem: String| Err(SessionError::Care(problem));
-        for (name, frames) in [("dark_frames", self.dark_frames), ("flat_frames", self.flat_frames)] {
+        for (name, frames) in [("dark-frames", self.dark_frames), ("flat-frames", self.flat_frames)] {
             if frames > 1000 {
                 return wrong(format!("{name} is {frames}; give at most 1000"));
             }
         }
         if self.settle_tries > 1000 {
-            return wrong(format!("settle_tries is {}; give at most 1000", self.settle_tries));
+            return wrong(format!("settle-tries is {}; give at most 1000", self.settle_tries));
         }
         if let Some(multiple) = self.exposures.iter().find(|m| !(1e-4..=1e4).contains(*m)) {
             return wrong(format!("exposures holds {multiple}; give multiples of 0.0001 to 10000"));
@@ -57,11 +57,11 @@ impl Care {
         }
         let factors = self.light_gains.iter().chain(&self.tone);
         if let Some(factor) = factors.copied().find(|factor| !(1e-4..=1e4).contains(factor)) {
-            return wrong(format!("tone or light_gains holds {factor}; give factors of 0.0001 to 10000"));
+            return wrong(format!("tone or light-gains holds {factor}; give factors of 0.0001 to 10000"));
         }
         if !self.light_gains.is_empty() && self.light_gains.len() != lights {
             return wrong(format!(
-                "light_gains has {} factors for {lights} lights; give one a light",
+                "light-gains has {} factors for {lights} lights; give one a light",
                 self.light_gains.len()
             ));
         }

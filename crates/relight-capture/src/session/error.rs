@@ -76,7 +76,7 @@ pub enum SessionError {
     /// Photographs did not agree with each other.
     #[error(
         "view {view} under light {light}: not at rest after {tries} tries: {change}. Wait longer, look for what shakes or shines \
-         (draught, daylight), or allow more tries (settle_tries)."
+         (draught, daylight), or allow more tries (settle-tries)."
     )]
     Unsettled {
         /// The view.

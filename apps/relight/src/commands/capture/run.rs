@@ -235,7 +235,7 @@ impl Job<'_> {
         let counts = [shots.view_order.len(), shots.light_order.len()];
         let (out, resume) = (&self.args.out, self.args.resume);
         self.follow(counts, quiet, &mut |progress| {
-            Ok(session::capture(rig, shots, subject, out, resume, progress)?)
+            Ok(session::capture_with(rig, shots, &self.file.session, subject, out, resume, progress)?)
         })
     }
 

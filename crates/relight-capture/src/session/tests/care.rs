@@ -232,9 +232,9 @@ fn settings_that_cannot_be_are_refused_and_others_stay_as_they_were() {
     for (care, problem) in [
         (Care { exposures: vec![1.0, f64::NAN], ..Care::default() }, "exposures holds NaN"),
         (Care { exposures: vec![1.0; 17], ..Care::default() }, "at most 16"),
-        (Care { tone: Some(0.0), ..Care::default() }, "tone or light_gains holds 0"),
+        (Care { tone: Some(0.0), ..Care::default() }, "tone or light-gains holds 0"),
         (Care { light_gains: vec![1.0; 3], ..Care::default() }, "3 factors for 4 lights"),
-        (Care { dark_frames: 5000, ..Care::default() }, "dark_frames is 5000"),
+        (Care { dark_frames: 5000, ..Care::default() }, "dark-frames is 5000"),
     ] {
         let error = shoot(&mut Bench::default(), &care, folder.path()).unwrap_err().to_string();
         assert!(error.contains(problem), "{error}");
