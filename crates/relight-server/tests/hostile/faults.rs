@@ -98,7 +98,7 @@ fn change(case: &mut Case, random: &mut Random, change: impl Fn(Vec<u8>, &mut Ra
 fn deflated<'a>(case: &'a mut Case, random: &mut Random) -> &'a mut Entry {
     let entry = any(case, random);
     if entry.central.method != 8 {
-        *entry = Entry::new(&String::from_utf8_lossy(&entry.central.name).into_owned(), &entry.data, true);
+        *entry = Entry::new(&String::from_utf8_lossy(&entry.central.name), &entry.data, true);
     }
     entry
 }
@@ -257,8 +257,7 @@ pub const FAULTS: &[Fault] = &[
     }),
     fault("stored with two sizes", &["size-mismatch"], &[], |case, random| {
         let entry = any(case, random);
-        *entry =
-            Entry::new(&String::from_utf8_lossy(&entry.central.name).into_owned(), &entry.bytes(), false);
+        *entry = Entry::new(&String::from_utf8_lossy(&entry.central.name), &entry.bytes(), false);
         entry.state(|stated| stated.unpacked = stated.unpacked.wrapping_add(3));
     }),
     fault(
@@ -339,8 +338,7 @@ pub const FAULTS: &[Fault] = &[
     fault("stored bytes damaged", &["checksum-mismatch"], &[], |case, random| {
         let at = random.next() as usize;
         let entry = any(case, random);
-        *entry =
-            Entry::new(&String::from_utf8_lossy(&entry.central.name).into_owned(), &entry.bytes(), false);
+        *entry = Entry::new(&String::from_utf8_lossy(&entry.central.name), &entry.bytes(), false);
         let at = at % entry.data.len();
         entry.data[at] ^= 1;
     }),

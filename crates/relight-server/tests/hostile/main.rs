@@ -1,5 +1,8 @@
 //! Hostile zips: every one is refused, and for what it is.
 
+// Outside of test functions too.
+#![allow(clippy::unwrap_used)]
+
 #[path = "../common/mod.rs"]
 mod common;
 mod faults;

@@ -20,7 +20,7 @@ pub struct Args {
 enum Command {
     Pack(pack::Args),
     Check(check::Args),
-    Send(send::Args),
+    Send(Box<send::Args>),
 }
 
 pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
