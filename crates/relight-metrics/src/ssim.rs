@@ -80,7 +80,7 @@ struct Window<const TAPS: usize> {
 const BAND: usize = 120;
 /// Pixels of a row that are filtered together: what is kept of the rows round one fits into the nearest cache.
 const STRIP: usize = 48;
-/// Samples of those pixels.
+/// Samples of those pixels; few enough for the sum of their bytes to fit into 16 bits.
 const SAMPLES: usize = 3 * STRIP;
 /// With those of the pixels to both sides that the widest window needs.
 const PADDED: usize = SAMPLES + 2 * 3 * 5;
@@ -184,7 +184,7 @@ impl<'a, const TAPS: usize> Compared<'a, TAPS> {
             let from = 3 * (y * self.width + first + margin);
             for picture in [self.picture, self.truth] {
                 sum +=
-                    u64::from(picture[from..from + samples].iter().map(|&byte| u32::from(byte)).sum::<u32>());
+                    u64::from(picture[from..from + samples].iter().map(|&byte| u16::from(byte)).sum::<u16>());
             }
         }
         (sum / (samples * rows.len()) as u64) as i32

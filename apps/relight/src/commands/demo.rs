@@ -29,9 +29,9 @@ use crate::preparation::{Prepared, Wish, open, train};
 const OBJECT: &str = "fruit";
 const VIEWS: usize = 36;
 const LIGHTS: usize = 20;
-const WIDTH: u32 = 96;
-const HEIGHT: u32 = 72;
-const SAMPLES: u32 = 32;
+const WIDTH: u32 = 160;
+const HEIGHT: u32 = 120;
+const SAMPLES: u32 = 16;
 /// Frames of the film, and how many of them a second.
 const FRAMES: usize = 72;
 const FRAME_RATE: NonZeroU32 = NonZeroU32::new(24).unwrap();
@@ -52,7 +52,7 @@ pub struct Args {
     #[arg(long, value_name = "DIR", default_value = "relight-demo")]
     out: PathBuf,
     /// Minutes to train for.
-    #[arg(long, default_value_t = 1.5, value_parser = super::train::positive)]
+    #[arg(long, default_value_t = 1.25, value_parser = super::train::positive)]
     minutes: f64,
 }
 
