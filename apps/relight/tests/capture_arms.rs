@@ -231,12 +231,15 @@ fn calibration(plan: &Plan, light_base: [f64; 3], off: [f64; 3]) -> Value {
         })
         .collect();
     let [x, y, z] = light_base;
+    let information: [[f64; 9]; 9] = std::array::from_fn(|i| std::array::from_fn(|j| f64::from(i == j)));
     json!({
-        "format": "relight-calibration-1", "made": 1_700_000_000,
+        "format": "relight-calibration-2", "made": 1_700_000_000,
         "board": {"columns": 9, "rows": 7, "square": 0.02, "marker": 0.015, "dictionary": "DICT_4X4_50"},
         "board_to_world": [1, 0, 0, 0, 0, -1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1],
         "lens": {"width": 1440, "height": 1080, "fx": 2300, "fy": 2310, "cx": 715, "cy": 535,
-                 "distortion": [-0.1, 0.05, 0, 0, 0], "errors": [1, 1, 1, 1, 0, 0, 0, 0, 0]},
+                 "distortion": [-0.1, 0.05, 0, 0, 0], "errors": [1, 1, 1, 1, 0, 0, 0, 0, 0],
+                 "information": information, "corner_variance": 0.01},
+        "lens_shift": null, "lens_photographs": [],
         "rms_pixels": 0.1, "waypoints": waypoints, "left_out": [],
         "light": {"base_to_world": [1, 0, 0, x + 1e-3, 0, 1, 0, y, 0, 0, 1, z - 2e-3, 0, 0, 0, 1],
                   "is_rotation_measured": true, "residuals": [1e-5], "rms": 1e-5}
