@@ -159,7 +159,7 @@ mod tests {
 
         /// A camera that moved by a quarter of a pixel is caught, and by how much is told.
         #[test]
-        fn a_shift_is_found(angle in 0.0f64..6.28, length in 0.25f64..0.6, noise in 0.0f64..4.0, seed in any::<u64>()) {
+        fn a_shift_is_found(angle in 0.0f64..std::f64::consts::TAU, length in 0.25f64..0.6, noise in 0.0f64..4.0, seed in any::<u64>()) {
             let shift = [length * angle.cos(), length * angle.sin()];
             let change = compare(&picture([0.0; 2], 0.0, 1.0, noise, seed), &picture(shift, 0.0, 1.0, noise, !seed));
             prop_assert!(change.shifted, "{change:?}");
