@@ -53,7 +53,7 @@ struct Shared {
     /// How to train: `fast` is ours, `paper` the published recipe to the letter.
     #[arg(long, default_value = "fast")]
     preset: Preset,
-    /// Settings to use instead of the preset's: a TOML file as in config.toml's [recipe].
+    /// Settings to use instead of the preset's: a TOML file such as the table `recipe` of a run's config.toml.
     #[arg(long, value_name = "FILE.toml")]
     recipe: Option<PathBuf>,
     /// Where to train.
