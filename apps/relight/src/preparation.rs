@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
-use anyhow::{bail, ensure};
+use anyhow::{Context, bail, ensure};
 use relight_field::parameters::Parameters;
 use relight_scene::{Bounds, PixelStore, Scene, Splits, scene_bounds};
 use relight_stereo::{DepthPrior, Source, StereoSettings};
@@ -119,6 +119,19 @@ impl Prepared {
     /// The box of the surfaces that were found, if enough were.
     fn surface_bounds(&self) -> Option<Bounds> {
         self.depths.as_ref().filter(|prior| prior.coverage() >= TRUSTED).and_then(DepthPrior::bounds)
+    }
+}
+
+/// Opens the scene of a run: where its configuration has it, or at `elsewhere`.
+pub fn open_scene(elsewhere: Option<&Path>, run: &RunFolder, config: &RunConfig) -> anyhow::Result<Scene> {
+    match elsewhere {
+        Some(path) => Ok(Scene::open(path)?),
+        None => Scene::open(&config.scene).with_context(|| {
+            format!(
+                "{}: the run's scene; where it has moved, name its folder with --scene",
+                run.root().display()
+            )
+        }),
     }
 }
 

@@ -151,7 +151,7 @@ fn runs_that_are_none_or_damaged_are_refused_by_name() {
 
     // A scene that has moved is found again with --scene.
     fs::rename(shop.path("scene"), shop.path("moved")).unwrap();
-    assert!(shop.fail("eval run", 1).contains("scene"));
+    assert!(shop.fail("eval run", 1).contains("--scene"));
     shop.succeed("eval run --scene moved");
 }
 

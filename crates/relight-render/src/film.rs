@@ -69,7 +69,13 @@ impl Film {
     pub fn finish(self) -> Result<(), RenderError> {
         match self.0 {
             Form::Video(video) => video.finish(),
-            Form::Folder { .. } => Ok(()),
+            Form::Folder { path, frames } => {
+                // Those of a longer film that was there before would be taken for this one's.
+                for later in (frames..).map(|n| path.join(format!("{n:05}.png"))).take_while(|p| p.exists()) {
+                    std::fs::remove_file(&later).map_err(RenderError::io(&later))?;
+                }
+                Ok(())
+            }
         }
     }
 }

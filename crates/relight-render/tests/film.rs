@@ -113,6 +113,12 @@ fn frames_go_into_a_folder() {
     for (i, frame) in drawn.iter().enumerate() {
         assert_eq!(read_image(&path.join(format!("0000{i}.png"))).unwrap(), *frame);
     }
+    // A shorter film in its place is all that is there then.
+    let mut film = Film::create(&path, RATE, 1).unwrap();
+    film.push(&drawn[1]).unwrap();
+    film.finish().unwrap();
+    assert_eq!(std::fs::read_dir(&path).unwrap().count(), 1);
+    assert_eq!(read_image(&path.join("00000.png")).unwrap(), drawn[1]);
 }
 
 #[test]

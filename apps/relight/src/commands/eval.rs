@@ -4,14 +4,14 @@ use std::fs;
 use std::path::PathBuf;
 
 use anyhow::bail;
-use relight_scene::Split;
+use relight_scene::{Split, Splits};
 use relight_train::TrainError;
 use relight_train::evaluation::{Drawn, Evaluation, Scores, evaluate};
 use relight_train::run::RunFolder;
 
 use crate::console::{Progress, cancel_flag, print_json, print_line, unless};
 use crate::engines;
-use crate::preparation::{check_splits, load_pixels, open};
+use crate::preparation::{check_splits, load_pixels, open_scene};
 
 /// Score a trained run on images that it has not seen.
 ///
@@ -42,7 +42,8 @@ pub struct Args {
 
 pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let (run, config) = RunFolder::open(&args.run)?;
-    let (scene, splits) = open(args.scene.as_ref().unwrap_or(&config.scene))?;
+    let scene = open_scene(args.scene.as_deref(), &run, &config)?;
+    let splits = Splits::of(&scene)?;
     check_splits(&scene, &splits, &config)?;
     let engine = engines::of_run(&run, &config)?;
     if let Some(folder) = &args.images {

@@ -14,6 +14,7 @@ use relight_scene::{Intrinsics, Scene};
 use relight_train::run::RunFolder;
 
 use crate::console::{Progress, cancel_flag, unless};
+use crate::preparation::open_scene;
 use crate::{engines, places};
 
 /// Render a view under a light, or a film along a path.
@@ -81,7 +82,7 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         places::check_file(&args.out)?;
     }
     let (run, config) = RunFolder::open(&args.run)?;
-    let scene = Scene::open(args.scene.as_ref().unwrap_or(&config.scene))?;
+    let scene = open_scene(args.scene.as_deref(), &run, &config)?;
     let engine = engines::of_run(&run, &config)?;
     match &args.path {
         Some(path) => film(args, path, &scene, engine.as_ref(), quiet),

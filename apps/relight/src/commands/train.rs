@@ -161,10 +161,15 @@ fn resume(args: &Args, quiet: bool) -> anyhow::Result<(RunFolder, RunConfig, Pre
     check_same(args, &config)?;
     let (scene, splits) = open(&args.scene)?;
     check_splits(&scene, &splits, &config)?;
+    let before = config.clone();
+    // It may have moved.
+    config.scene = scene.root.canonicalize().unwrap_or_else(|_| scene.root.clone());
     let mut data = Prepared::load(scene, splits, quiet)?;
     data.find_surfaces(&config.recipe, &config.search)?;
     if args.steps.is_some() || args.minutes.is_some() {
         config.budget = Budget { steps: args.steps, minutes: args.minutes };
+    }
+    if config != before {
         run.write_config(&config)?;
     }
     Ok((run, config, data))
