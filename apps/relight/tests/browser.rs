@@ -71,7 +71,7 @@ fn the_page_of_the_demo_shows_all_that_is_on_it() {
         let told = inspect(&shop.path("demo/index.html"), &shop.path("browser"), width);
         // Three unseen images in four versions, and four maps.
         assert_eq!((&told["images"], &told["broken"]), (&16.into(), &0.into()), "{told}");
-        assert_eq!(told["film"], 192, "{told}");
+        assert_eq!(told["film"], 320, "{told}");
         assert!((told["seconds"].as_f64().unwrap() - 3.0).abs() < 0.1, "{told}");
         assert!(told["curve"].as_str().unwrap().starts_with('M'), "{told}");
         assert!(told["wide"].as_f64().unwrap() <= 0.0, "{told}");
