@@ -5,6 +5,7 @@ mod console;
 mod engines;
 mod places;
 mod preparation;
+mod stored_zip;
 
 use std::process::ExitCode;
 

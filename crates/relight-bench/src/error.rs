@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use relight_metrics::MetricError;
 use relight_render::RenderError;
 use relight_scene::SceneError;
 use relight_train::TrainError;
@@ -29,6 +30,9 @@ pub enum BenchError {
     /// A picture could not be drawn.
     #[error(transparent)]
     Render(#[from] RenderError),
+    /// A picture could not be held against its photograph.
+    #[error(transparent)]
+    Metric(#[from] MetricError),
 }
 
 impl BenchError {

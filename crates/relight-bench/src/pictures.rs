@@ -1,4 +1,4 @@
-//! Pictures for the page: small enough for many of them, and how far a rendering is off.
+//! Pictures for the page: small enough for many of them.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -13,26 +13,7 @@ const WIDEST: u32 = 480;
 /// Quality of pictures that were reduced; those that were not lose nothing.
 const QUALITY: u8 = 88;
 /// The mean difference over the channels that has the brightest colour, of 255.
-pub(crate) const BRIGHTEST_ERROR: f64 = 51.0;
-
-/// The difference of two pictures of one size, averaged over the channels, in the colours of Inferno: black for none,
-/// pale yellow for [`BRIGHTEST_ERROR`] and more.
-pub(crate) fn error_map(picture: &Image, truth: &Image) -> Image {
-    let pixels = picture.data.chunks_exact(3).zip(truth.data.chunks_exact(3));
-    let data = pixels
-        .flat_map(|(a, b)| {
-            let sum: u32 = a.iter().zip(b).map(|(&a, &b)| u32::from(a.abs_diff(b))).sum();
-            inferno(f64::from(sum) / 3.0 / BRIGHTEST_ERROR)
-        })
-        .collect();
-    Image { width: truth.width, height: truth.height, data }
-}
-
-/// Inferno's colour for 0 (black) to 1 (pale yellow).
-pub(crate) fn inferno(t: f64) -> [u8; 3] {
-    let colour = colorous::INFERNO.eval_continuous(t.clamp(0.0, 1.0));
-    [colour.r, colour.g, colour.b]
-}
+pub(crate) const BRIGHTEST_ERROR: u8 = 51;
 
 /// Writes a picture for the page into `folder`, reduced by a whole factor where it is wide, and tells its file's name.
 pub(crate) fn keep(folder: &Path, name: &str, image: &Image) -> Result<PathBuf, BenchError> {
@@ -53,19 +34,6 @@ mod tests {
     use relight_scene::read_image;
 
     use super::*;
-
-    #[test]
-    fn errors_are_black_where_there_are_none_and_saturate() {
-        let truth = Image { width: 3, height: 1, data: vec![9, 9, 9, 0, 0, 0, 0, 0, 0] };
-        let picture = Image { width: 3, height: 1, data: vec![9, 9, 9, 51, 51, 51, 255, 255, 255] };
-        let map = error_map(&picture, &truth);
-        assert_eq!(map.data[..3], inferno(0.0));
-        assert_eq!(map.data[3..6], map.data[6..]);
-        assert_eq!(map.data[6..], inferno(1.0));
-        let half = Image { width: 1, height: 1, data: vec![51, 0, 0] };
-        let black = Image { width: 1, height: 1, data: vec![0; 3] };
-        assert_eq!(error_map(&half, &black).data, inferno(1.0 / 3.0), "the mean over the channels");
-    }
 
     #[test]
     fn wide_pictures_are_reduced_and_others_lose_nothing() {

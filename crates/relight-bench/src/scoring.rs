@@ -4,6 +4,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use relight_field::engine::{Engine, RenderSettings};
+use relight_metrics::error_map;
 use relight_render::{Map, render};
 use relight_scene::{Frame, Image, PixelStore, Scene, Split, Splits};
 use relight_train::TrainError;
@@ -11,7 +12,7 @@ use relight_train::evaluation::{Evaluation, Scores, evaluate};
 use relight_train::run::RunConfig;
 
 use crate::error::BenchError;
-use crate::pictures::{error_map, keep};
+use crate::pictures::{BRIGHTEST_ERROR, keep};
 use crate::record::{Outcome, Shown, SplitRecord};
 
 /// The splits, in the order of the tables.
@@ -112,6 +113,8 @@ fn show(
     } else {
         None
     };
+    let data = error_map(&image.data, &truth.data, BRIGHTEST_ERROR)?;
+    let errors = Image { width: truth.width, height: truth.height, data };
     Ok(Shown {
         split,
         camera: scene.cameras[frame.camera].label,
@@ -119,7 +122,7 @@ fn show(
         scores,
         truth: keep(folder, "truth", &truth)?,
         prediction: keep(folder, "prediction", &image)?,
-        error: keep(folder, "error", &error_map(&image, &truth))?,
+        error: keep(folder, "error", &errors)?,
         visibility,
     })
 }

@@ -5,10 +5,11 @@ use std::fs;
 use std::ops::Range;
 
 use relight_field::architecture::{Architecture, EmbeddingEntry, LightInput};
+use relight_metrics::error_colour;
 
 use crate::formats::chart;
 use crate::formats::markdown::MISSING;
-use crate::pictures::{BRIGHTEST_ERROR, inferno};
+use crate::pictures::BRIGHTEST_ERROR;
 use crate::record::{Record, Shown};
 use crate::report::{Kind, Report};
 use crate::report_page::{ReportPage, escape, source};
@@ -220,7 +221,7 @@ fn shots(record: &Record, image: &Shown, results: &Results) -> String {
 fn scale() -> String {
     let stops: Vec<String> = (0..=8)
         .map(|i| {
-            let [r, g, b] = inferno(f64::from(i) / 8.0);
+            let [r, g, b] = error_colour(f64::from(i) / 8.0);
             format!("#{r:02x}{g:02x}{b:02x}")
         })
         .collect();

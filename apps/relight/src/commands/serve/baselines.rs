@@ -1,11 +1,10 @@
 //! `relight serve admin add-baselines`: enters what can be had without learning anything.
 
-use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
 use anyhow::{Context, ensure};
-use rawzip::{CompressionMethod, ZipArchiveWriter};
+use rawzip::ZipArchiveWriter;
 use relight_scene::{Scene, Split, Splits};
 use relight_server::accounts;
 use relight_server::app::{App, Settings};
@@ -17,6 +16,7 @@ use relight_train::baselines::{NearestLight, mean_frame};
 use tempfile::NamedTempFile;
 
 use crate::console::{Progress, cancel_flag, print_line, unless};
+use crate::stored_zip;
 
 /// Whose entries they are.
 const USER: &str = "baselines";
@@ -88,23 +88,13 @@ fn draw(benchmark: &Benchmark, zips: &[NamedTempFile; 2], quiet: bool) -> anyhow
             let frame = frame.with_context(|| format!("{}: is not in the scene", image.entry))?;
             let stand_in =
                 stand_ins.image(frame)?.with_context(|| format!("{}: has no training images", asked.name))?;
-            add(&mut mean, &image.entry, &mean_image)?;
-            add(&mut nearest, &image.entry, &stand_in.png()?)?;
+            stored_zip::add(&mut mean, &image.entry, &mean_image)?;
+            stored_zip::add(&mut nearest, &image.entry, &stand_in.png()?)?;
         }
     }
     for zip in [mean, nearest] {
         zip.finish()?.flush()?;
     }
     bar.clear();
-    Ok(())
-}
-
-/// Adds a PNG file to a zip, stored as it is: it is packed already.
-fn add(zip: &mut ZipArchiveWriter<BufWriter<&File>>, name: &str, png: &[u8]) -> anyhow::Result<()> {
-    let (mut entry, config) = zip.new_file(name).compression_method(CompressionMethod::STORE).start()?;
-    let mut writer = config.wrap(&mut entry);
-    writer.write_all(png)?;
-    let (_, output) = writer.finish()?;
-    entry.finish(output)?;
     Ok(())
 }

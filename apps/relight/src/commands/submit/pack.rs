@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::io::{self, BufWriter, Read, Write};
+use std::io::{self, BufWriter, Write};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
@@ -12,11 +12,11 @@ use relight_field::engine::{Engine, Outputs, RenderSettings};
 use relight_render::{Map, RenderError, render};
 use relight_scene::{Image, Scene, Split, read_bytes, write_whole};
 use relight_server::benchmark::{Benchmark, TestImage};
-use relight_train::run::RunFolder;
+use relight_train::run::{RunConfig, RunFolder};
 
 use crate::console::{Progress, cancel_flag, print_line, unless};
 use crate::preparation::{check_splits, open};
-use crate::{engines, places};
+use crate::{engines, places, stored_zip};
 
 /// A weights file's or a picture's longest length.
 const LONGEST: u64 = 1 << 32;
@@ -105,35 +105,41 @@ fn pictures_of(folder: &Path) -> anyhow::Result<BTreeMap<String, PathBuf>> {
 }
 
 /// One run with its part of the work.
-struct Job {
-    engine: Box<dyn Engine>,
+struct Part {
+    run: RunFolder,
+    config: RunConfig,
     scene: Scene,
     images: Vec<TestImage>,
-    folder: PathBuf,
 }
 
 /// Renders what is not in the folder yet.
 fn render_all(args: &Args, kept: &Path, quiet: bool) -> anyhow::Result<BTreeMap<String, PathBuf>> {
     // Everything that can be wrong with a run is told before hours are spent on another.
     let mut scenes = BTreeMap::<String, &Path>::new();
-    let mut all = 0;
+    let (mut parts, mut all) = (Vec::new(), 0);
     for path in &args.runs {
-        let (scene, images) = asked(args, path)?;
-        all += images.len() as u64;
-        if let Some(other) = scenes.insert(scene.name.clone(), path) {
-            bail!("{} and {} are both runs of {}: give one", other.display(), path.display(), scene.name);
+        let part = asked(args, path)?;
+        all += part.images.len() as u64;
+        if let Some(other) = scenes.insert(part.scene.name.clone(), path) {
+            bail!(
+                "{} and {} are both runs of {}: give one",
+                other.display(),
+                path.display(),
+                part.scene.name
+            );
         }
+        parts.push(part);
     }
     let cancel = cancel_flag()?;
     let bar = Progress::new("drawing", all, quiet);
     let (mut done, mut pictures) = (0, BTreeMap::new());
-    for path in &args.runs {
-        let job = job(args, path, kept)?;
-        for image in &job.images {
-            let file = job.folder.join(&image.entry);
+    for part in &parts {
+        let (engine, folder) = ready(part, kept)?;
+        for image in &part.images {
+            let file = folder.join(&image.entry);
             if !file.is_file() {
                 let stopped = || unless(cancel);
-                let Some(picture) = draw(&job, image, &stopped)? else {
+                let Some(picture) = draw(part, engine.as_ref(), image, &stopped)? else {
                     bail!("stopped after {done} of {all} images; the same command goes on");
                 };
                 picture.write_png(&file)?;
@@ -148,8 +154,8 @@ fn render_all(args: &Args, kept: &Path, quiet: bool) -> anyhow::Result<BTreeMap<
 }
 
 /// The scene of a run, and what a benchmark asks of it.
-fn asked(args: &Args, path: &Path) -> anyhow::Result<(Scene, Vec<TestImage>)> {
-    let (_, config) = RunFolder::open(path)?;
+fn asked(args: &Args, path: &Path) -> anyhow::Result<Part> {
+    let (run, config) = RunFolder::open(path)?;
     let place = match (&args.scenes, config.scene.file_name()) {
         (Some(scenes), Some(name)) => scenes.join(name),
         _ => config.scene.clone(),
@@ -159,28 +165,30 @@ fn asked(args: &Args, path: &Path) -> anyhow::Result<(Scene, Vec<TestImage>)> {
     let images = Benchmark::layout(&place)?.scenes.into_iter().flat_map(|scene| scene.images);
     let images: Vec<TestImage> = images.filter(|image| args.phase.holds(image.split)).collect();
     ensure!(!images.is_empty(), "{}: its scene {} has no such images", path.display(), scene.name);
-    Ok((scene, images))
+    Ok(Part { run, config, scene, images })
 }
 
-/// A run made ready, with a folder for its pictures that no other weights share.
-fn job(args: &Args, path: &Path, kept: &Path) -> anyhow::Result<Job> {
-    let (scene, images) = asked(args, path)?;
-    let (run, config) = RunFolder::open(path)?;
-    let engine = engines::of_run(&run, &config)?;
-    let weights = crc32fast::hash(&read_bytes(&run.weights(), LONGEST)?);
-    let folder = kept.join(format!("{}-{weights:08x}", scene.name));
+/// The engine of a run, and a folder for its pictures that no other weights share.
+fn ready(part: &Part, kept: &Path) -> anyhow::Result<(Box<dyn Engine>, PathBuf)> {
+    let engine = engines::of_run(&part.run, &part.config)?;
+    let weights = crc32fast::hash(&read_bytes(&part.run.weights(), LONGEST)?);
+    let folder = kept.join(format!("{}-{weights:08x}", part.scene.name));
     fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
-    Ok(Job { engine, scene, images, folder })
+    Ok((engine, folder))
 }
 
 /// Draws an image; none if it was stopped.
-fn draw(job: &Job, image: &TestImage, go_on: &dyn Fn() -> ControlFlow<()>) -> anyhow::Result<Option<Image>> {
-    let camera = job.scene.cameras.iter().find(|camera| camera.label == image.camera);
-    let light = job.scene.lights.iter().find(|light| light.label == image.light);
+fn draw(
+    part: &Part,
+    engine: &dyn Engine,
+    image: &TestImage,
+    go_on: &dyn Fn() -> ControlFlow<()>,
+) -> anyhow::Result<Option<Image>> {
+    let camera = part.scene.cameras.iter().find(|camera| camera.label == image.camera);
+    let light = part.scene.lights.iter().find(|light| light.label == image.light);
     let (camera, light) = camera.zip(light).with_context(|| format!("{}: no such view", image.entry))?;
     let settings = RenderSettings { samples: None };
     let progress = &mut |_: usize, _: usize| go_on();
-    let engine = job.engine.as_ref();
     match render(
         engine,
         &camera.intrinsics,
@@ -196,7 +204,7 @@ fn draw(job: &Job, image: &TestImage, go_on: &dyn Fn() -> ControlFlow<()>) -> an
     }
 }
 
-/// Writes pictures as a zip, stored: PNG files do not shrink further.
+/// Writes pictures as a zip.
 fn write_zip(out: &Path, pictures: &BTreeMap<String, PathBuf>, quiet: bool) -> anyhow::Result<()> {
     let cancel = cancel_flag()?;
     let bar = Progress::new("packing", pictures.len() as u64, quiet);
@@ -206,16 +214,7 @@ fn write_zip(out: &Path, pictures: &BTreeMap<String, PathBuf>, quiet: bool) -> a
             if unless(cancel).is_break() {
                 return Err(io::Error::new(io::ErrorKind::Interrupted, "stopped; the same command goes on"));
             }
-            let mut bytes = Vec::new();
-            let named =
-                |error: io::Error| io::Error::new(error.kind(), format!("{}: {error}", path.display()));
-            fs::File::open(path).map_err(named)?.take(LONGEST).read_to_end(&mut bytes).map_err(named)?;
-            let (mut entry, config) =
-                zip.new_file(name).unix_permissions(0o100_644).start().map_err(io::Error::other)?;
-            let mut data = config.wrap(&mut entry);
-            data.write_all(&bytes)?;
-            let (_, descriptor) = data.finish().map_err(io::Error::other)?;
-            entry.finish(descriptor).map_err(io::Error::other)?;
+            stored_zip::add(&mut zip, name, &read_bytes(path, LONGEST).map_err(io::Error::other)?)?;
             bar.update(done as u64 + 1, pictures.len() as u64, String::new);
         }
         zip.finish().map_err(io::Error::other)?.flush()
