@@ -7,10 +7,11 @@
 use rayon::prelude::*;
 use relight_field::engine::{LightPose, RayBatch};
 use relight_field::random::Random;
-use relight_scene::{Intrinsics, PixelStore, Pose, Scene};
+use relight_scene::{PixelStore, Pose, Scene};
 use relight_stereo::DepthPrior;
 
 use crate::TrainError;
+use crate::directions::{Directions, TABLES};
 use crate::recipe::Recipe;
 
 /// Streams of the seed below this number are left to the engine.
@@ -76,11 +77,9 @@ impl LightChoice {
 /// Where one training view's rays come from.
 struct View {
     pose: Pose,
-    /// Pixels a row.
-    width: usize,
     origin: [f32; 3],
-    /// Index into `BatchSampler::directions`.
-    directions: usize,
+    /// The number of its lens in `BatchSampler::directions`.
+    lens: usize,
     /// Pairs of all views up to and including this one.
     pairs_before_next: u64,
 }
@@ -97,9 +96,7 @@ pub struct BatchSampler<'a> {
     /// Probes of each ray.
     probes: usize,
     views: Vec<View>,
-    /// For each distinct set of intrinsics, `[x, y]` of every pixel's camera-frame direction `(x, y, 1)`, distortion
-    /// removed.
-    directions: Vec<Vec<[f32; 2]>>,
+    directions: Directions,
     rays: usize,
     lights_per_ray: usize,
     seed: u64,
@@ -119,22 +116,17 @@ impl<'a> BatchSampler<'a> {
         lights: LightChoice,
         seed: u64,
     ) -> Result<Self, TrainError> {
-        let mut known: Vec<Intrinsics> = Vec::new();
+        let mut directions = Directions::within(TABLES);
         let mut views = Vec::with_capacity(store.views());
         let mut pairs = 0u64;
         for v in 0..store.views() {
             let camera = &scene.cameras[store.camera(v)];
-            let directions = known.iter().position(|k| *k == camera.intrinsics).unwrap_or_else(|| {
-                known.push(camera.intrinsics.clone());
-                known.len() - 1
-            });
             pairs += store.pixels(v) as u64 * store.lights(v).len() as u64;
             let origin = camera.pose.position().map(|c| c as f32);
             views.push(View {
                 pose: camera.pose,
-                width: camera.intrinsics.width.max(1) as usize,
                 origin,
-                directions,
+                lens: directions.number(&camera.intrinsics),
                 pairs_before_next: pairs,
             });
         }
@@ -157,7 +149,7 @@ impl<'a> BatchSampler<'a> {
             probes,
             lights: scene.lights.iter().map(|l| LightPose(l.pose.row_major_f32())).collect(),
             views,
-            directions: known.iter().map(unprojected).collect(),
+            directions,
             rays: rays * lights.per_ray / per_ray,
             lights_per_ray: per_ray,
             seed,
@@ -197,7 +189,7 @@ impl<'a> BatchSampler<'a> {
                 let (v, pixel) = self.pixel(random, first);
                 let view = &self.views[v];
                 *origin = view.origin;
-                let [x, y] = self.directions[view.directions][pixel];
+                let [x, y] = self.directions.of(view.lens, pixel);
                 *direction = unit(view.pose.rotate([f64::from(x), f64::from(y), 1.0]));
                 let (held, pixels) = (self.store.lights(v), self.store.pixel(v, pixel));
                 let own = k.min(held.len());
@@ -222,7 +214,7 @@ impl<'a> BatchSampler<'a> {
         if let Some(prior) = self.depths {
             batch.depths.par_iter_mut().with_min_len(64).enumerate().for_each(|(ray, depth)| {
                 let (v, pixel) = self.pixel(random, ray as u64 * draws);
-                let width = self.views[v].width;
+                let width = self.directions.width(self.views[v].lens);
                 *depth = prior.distance(v, pixel % width, pixel / width);
             });
         }
@@ -285,18 +277,6 @@ fn move_light(light: &mut LightPose, reach: f32, uniform: impl Fn(u64) -> f32) {
     for (axis, number) in [3, 7, 11].into_iter().enumerate() {
         light.0[number] += (2.0 * uniform(axis as u64) - 1.0) * reach;
     }
-}
-
-/// `[x, y]` of the camera-frame direction of every pixel, row-major.
-fn unprojected(intrinsics: &Intrinsics) -> Vec<[f32; 2]> {
-    let width = intrinsics.width.max(1) as usize;
-    (0..width * intrinsics.height as usize)
-        .into_par_iter()
-        .map(|i| {
-            let [x, y, _] = intrinsics.unproject((i % width) as f64, (i / width) as f64);
-            [x as f32, y as f32]
-        })
-        .collect()
 }
 
 fn unit(v: [f64; 3]) -> [f32; 3] {

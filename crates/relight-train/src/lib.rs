@@ -9,6 +9,7 @@
 pub mod baselines;
 pub mod batch;
 pub mod checkpoint;
+mod directions;
 mod error;
 pub mod evaluation;
 pub mod fineness;
