@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use relight_train::recipe::Recipe;
+use relight_train::recipe::{Preset, Recipe};
 use relight_train::run::{RunConfig, write_whole};
 use relight_train::schedule::Budget;
 use serde::{Deserialize, Serialize};
@@ -60,10 +60,8 @@ impl Settings {
             (Some(steps), Some(minutes)) => format!("{steps} or {minutes}, whichever came first"),
             (one, other) => one.or(other).unwrap_or_else(|| "until validation stopped improving".to_owned()),
         };
-        let changed = match Recipe::preset(&self.preset) {
-            Some(recipe) if recipe == self.recipe => "",
-            _ => ", changed",
-        };
+        let preset = self.preset.parse::<Preset>();
+        let changed = if preset.is_ok_and(|p| p.recipe() == self.recipe) { "" } else { ", changed" };
         format!("preset {}{changed}, {budget}", self.preset)
     }
 }

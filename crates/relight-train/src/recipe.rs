@@ -1,5 +1,7 @@
 //! All settings of training, and the two presets.
 
+use std::str::FromStr;
+
 use relight_field::engine::StepSettings;
 use relight_field::parameters::GridConfig;
 use relight_field::sampling::{LARGEST_BETA2, Sampling, Shading};
@@ -8,6 +10,48 @@ use serde::{Deserialize, Serialize};
 
 use crate::TrainError;
 use crate::schedule::Schedule;
+
+/// A recipe by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Preset {
+    /// [`Recipe::fast`].
+    Fast,
+    /// [`Recipe::paper`].
+    Paper,
+}
+
+impl Preset {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Fast, Self::Paper];
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Fast => "fast",
+            Self::Paper => "paper",
+        }
+    }
+
+    /// Its recipe.
+    pub fn recipe(self) -> Recipe {
+        match self {
+            Self::Fast => Recipe::fast(),
+            Self::Paper => Recipe::paper(),
+        }
+    }
+}
+
+impl FromStr for Preset {
+    type Err = TrainError;
+
+    fn from_str(name: &str) -> Result<Self, TrainError> {
+        let unknown = || {
+            let names = Self::ALL.map(Self::name).join(", ");
+            TrainError::Recipe(format!("unknown preset \"{name}\"; the presets are {names}"))
+        };
+        Self::ALL.into_iter().find(|preset| preset.name() == name).ok_or_else(unknown)
+    }
+}
 
 /// How a field is trained. Written to the run's `config.toml`, from which the run can be repeated.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -147,15 +191,6 @@ impl Recipe {
         }
     }
 
-    /// The preset called `name` (`paper` or `fast`), or `None`.
-    pub fn preset(name: &str) -> Option<Self> {
-        match name {
-            "paper" => Some(Self::paper()),
-            "fast" => Some(Self::fast()),
-            _ => None,
-        }
-    }
-
     /// Checks what a hand-edited file may get wrong.
     ///
     /// # Errors
@@ -231,13 +266,14 @@ mod tests {
 
     #[test]
     fn presets_are_valid_and_survive_toml() {
-        for name in ["paper", "fast"] {
-            let recipe = Recipe::preset(name).unwrap();
+        for preset in Preset::ALL {
+            assert_eq!(preset.name().parse::<Preset>().unwrap(), preset);
+            let recipe = preset.recipe();
             recipe.validate().unwrap();
             let text = toml::to_string(&recipe).unwrap();
             assert_eq!(toml::from_str::<Recipe>(&text).unwrap(), recipe, "{text}");
         }
-        assert_eq!(Recipe::preset("slow"), None);
+        assert!("slow".parse::<Preset>().unwrap_err().to_string().contains("fast, paper"));
     }
 
     #[test]

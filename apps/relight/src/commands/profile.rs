@@ -9,10 +9,11 @@ use relight_field::architecture::VARIANTS;
 use relight_field::engine::{RayBatch, StageCost};
 use relight_field::parameters::Parameters;
 use relight_train::batch::{BatchSampler, LightChoice};
+use relight_train::recipe::Preset;
 use relight_train::schedule::Budget;
 use serde::Serialize;
 
-use super::train::{Preset, recipe};
+use super::train::recipe;
 use crate::console::{Progress, cancel_flag, print_json, print_line, unless};
 use crate::engines::{self, Device};
 use crate::preparation::{Prepared, Wish, open};

@@ -6,7 +6,7 @@ use anyhow::{Context, bail};
 use clap::ValueEnum;
 use relight_field::architecture::VARIANTS;
 use relight_scene::{Bounds, read_text};
-use relight_train::recipe::Recipe;
+use relight_train::recipe::{Preset, Recipe};
 use relight_train::run::{RunConfig, RunFolder, field_of};
 use relight_train::schedule::Budget;
 use relight_train::trainer::Ending;
@@ -75,28 +75,6 @@ pub struct Args {
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Precision {
     F32,
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum Preset {
-    Fast,
-    Paper,
-}
-
-impl Preset {
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Fast => "fast",
-            Self::Paper => "paper",
-        }
-    }
-
-    fn recipe(self) -> Recipe {
-        match self {
-            Self::Fast => Recipe::fast(),
-            Self::Paper => Recipe::paper(),
-        }
-    }
 }
 
 pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {

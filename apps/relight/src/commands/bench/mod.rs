@@ -9,7 +9,9 @@ mod work;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
-use crate::commands::train::{Preset, positive};
+use relight_train::recipe::Preset;
+
+use crate::commands::train::positive;
 use crate::engines::Device;
 
 /// Train and score whole tables: the paper's ablation, and its benchmark, on any scenes.
