@@ -94,7 +94,7 @@ impl Prepared {
         if recipe.stereo {
             let started = Instant::now();
             let settings = StereoSettings::default();
-            let found = DepthPrior::find(&self.scene, &self.pixels, search, &settings);
+            let found = DepthPrior::find(&self.scene, &self.pixels, search, &settings, &|| unless(cancel));
             self.seconds = started.elapsed().as_secs_f64();
             match &found {
                 Some((prior, source)) => tracing::info!(

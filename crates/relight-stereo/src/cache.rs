@@ -6,10 +6,10 @@
 use relight_scene::{Bounds, CacheEntry, CacheKind, Intrinsics, PixelStore, Scene};
 
 use crate::descriptor::reduced;
-use crate::prior::{DepthMap, DepthPrior, StereoSettings, reduction};
+use crate::prior::{DepthMap, DepthPrior, GoOn, StereoSettings, reduction};
 
 /// Raise the version whenever depths of the same scene come out otherwise: an older file would go on being used.
-const DEPTHS: CacheKind = CacheKind { magic: *b"RELIGHTD", version: 1, ending: "depths" };
+const DEPTHS: CacheKind = CacheKind { magic: *b"RELIGHTD", version: 2, ending: "depths" };
 
 /// Where depths came from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,12 +29,13 @@ impl DepthPrior {
         store: &PixelStore,
         bounds: &Bounds,
         settings: &StereoSettings,
+        go_on: GoOn<'_>,
     ) -> Option<(Self, Source)> {
         let entry = entry(scene, store, bounds, settings);
         if let Some(prior) = entry.as_ref().and_then(|entry| open(entry, scene, store, settings)) {
             return Some((prior, Source::Cache));
         }
-        let prior = Self::estimate(scene, store, bounds, settings)?;
+        let prior = Self::estimate(scene, store, bounds, settings, go_on)?;
         if let Some(entry) = entry
             && let Err(error) = entry.write(&bytes(&prior))
         {

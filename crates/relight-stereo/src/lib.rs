@@ -14,4 +14,4 @@ mod prior;
 mod sweep;
 
 pub use cache::Source;
-pub use prior::{DepthPrior, StereoSettings};
+pub use prior::{DepthPrior, GoOn, StereoSettings};

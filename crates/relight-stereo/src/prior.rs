@@ -1,5 +1,7 @@
 //! From a scene's training pixels to depths, points and a box.
 
+use std::ops::ControlFlow;
+
 use rayon::prelude::*;
 use relight_scene::{Bounds, Intrinsics, PixelStore, Scene};
 
@@ -10,8 +12,8 @@ use crate::sweep::{planes, sweep};
 /// How depths are looked for.
 #[derive(Clone, Copy, Debug)]
 pub struct StereoSettings {
-    /// Pictures are reduced by a whole factor to at most this width, pixels.
-    pub width: usize,
+    /// Pictures are reduced by a whole factor to at most this many pixels a side.
+    pub side: usize,
     /// Depths tried.
     pub planes: usize,
     /// Neighbours that each view is matched with.
@@ -22,9 +24,12 @@ pub struct StereoSettings {
 
 impl Default for StereoSettings {
     fn default() -> Self {
-        Self { width: 200, planes: 128, neighbours: 4, confirmations: 2 }
+        Self { side: 200, planes: 128, neighbours: 4, confirmations: 2 }
     }
 }
+
+/// Asked whether to go on, from whatever thread is at work.
+pub type GoOn<'a> = &'a (dyn Fn() -> ControlFlow<()> + Sync);
 
 /// Depths at which training rays are expected to end.
 pub struct DepthPrior {
@@ -53,8 +58,13 @@ impl DepthMap {
 
 /// The whole factor by which photographs are reduced; `None` if there are none.
 pub(crate) fn reduction(scene: &Scene, store: &PixelStore, settings: &StereoSettings) -> Option<usize> {
-    let widths = (0..store.views()).map(|v| scene.cameras[store.camera(v)].intrinsics.width as usize);
-    Some(widths.max()?.div_ceil(settings.width.max(1)).max(1))
+    let lenses = (0..store.views()).map(|v| &scene.cameras[store.camera(v)].intrinsics);
+    Some(factor(lenses.map(|lens| lens.width.max(lens.height) as usize).max()?, settings.side))
+}
+
+/// The whole factor that takes the longest side of photographs to at most `side` pixels.
+fn factor(longest: usize, side: usize) -> usize {
+    longest.div_ceil(side.max(1)).max(1)
 }
 
 /// Fewest lights that make a descriptor worth matching.
@@ -65,16 +75,17 @@ const LEAST_PLANES: usize = 3;
 const LEAST_COVERAGE: f64 = 0.01;
 
 impl DepthPrior {
-    /// Looks for depths in the box. `None` if the views share too few lights, or are too few, to be matched, or if
-    /// the settings leave nothing to match.
+    /// Looks for depths in the box. `None` if the views share too few lights, or are too few, to be matched, if the
+    /// settings leave nothing to match, or if `go_on`, which is asked before each view, answers [`ControlFlow::Break`].
     pub fn estimate(
         scene: &Scene,
         store: &PixelStore,
         bounds: &Bounds,
         settings: &StereoSettings,
+        go_on: GoOn<'_>,
     ) -> Option<Self> {
         let n = store.views();
-        if n < 3 || settings.width == 0 || settings.neighbours == 0 || settings.planes < LEAST_PLANES {
+        if n < 3 || settings.side == 0 || settings.neighbours == 0 || settings.planes < LEAST_PLANES {
             return None;
         }
         let lights = common_lights(scene, store);
@@ -82,20 +93,25 @@ impl DepthPrior {
             return None;
         }
         let scale = reduction(scene, store, settings)?;
-        let views: Vec<View> =
-            (0..n).into_par_iter().map(|v| describe(scene, store, v, &lights, scale)).collect();
+        // Each view is some work, and none is begun any more once it is not wanted.
+        let wanted = || go_on().is_continue().then_some(());
+        let views: Vec<View> = (0..n)
+            .into_par_iter()
+            .map(|v| wanted().map(|()| describe(scene, store, v, &lights, scale)))
+            .collect::<Option<_>>()?;
         let centre: [f64; 3] = std::array::from_fn(|a| f64::from(bounds.lo[a] + bounds.hi[a]) / 2.0);
         let nearest: Vec<Vec<usize>> = (0..n).map(|v| neighbours(&views, v, centre)).collect();
         let depths: Vec<Vec<f32>> = (0..n)
             .into_par_iter()
             .map(|v| {
+                wanted()?;
                 let Some((near, far)) = depth_range(&views[v], bounds) else {
-                    return vec![f32::NAN; views[v].width * views[v].height];
+                    return Some(vec![f32::NAN; views[v].width * views[v].height]);
                 };
                 let matched = &nearest[v][..settings.neighbours.min(n - 1)];
-                sweep(&views, v, matched, &planes(near, far, settings.planes))
+                Some(sweep(&views, v, matched, &planes(near, far, settings.planes)))
             })
-            .collect();
+            .collect::<Option<_>>()?;
         let points: Vec<Vec<Option<[f64; 3]>>> = (0..n)
             .into_par_iter()
             .map(|v| {
@@ -191,4 +207,18 @@ fn depth_range(view: &View, bounds: &Bounds) -> Option<(f64, f64)> {
     let (near, far) = corners.fold((f64::INFINITY, 0f64), |(n, f), z| (n.min(z), f.max(z)));
     // Nearer than a tenth of the way, planes would be wasted on the air before the lens.
     (far > 0.0).then(|| (near.max(0.15 * far), far))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn photographs_are_reduced_by_their_longest_side() {
+        for (longest, side, reduced_by) in
+            [(320, 200, 2), (200, 200, 1), (201, 200, 2), (16_384, 200, 82), (1, 200, 1), (5, 0, 5)]
+        {
+            assert_eq!(factor(longest, side), reduced_by, "{longest} to {side}");
+        }
+    }
 }

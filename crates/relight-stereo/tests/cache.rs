@@ -9,14 +9,14 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use common::{BOUNDS, Rig, rig};
+use common::{BOUNDS, Rig, go_on, rig};
 use proptest::prelude::*;
 use proptest::test_runner::TestRunner;
 use relight_scene::{Bounds, Image, Intrinsics, PixelStore, Scene};
 use relight_stereo::{DepthPrior, Source, StereoSettings};
 use tempfile::TempDir;
 
-const SETTINGS: StereoSettings = StereoSettings { width: 24, planes: 32, neighbours: 3, confirmations: 1 };
+const SETTINGS: StereoSettings = StereoSettings { side: 24, planes: 32, neighbours: 3, confirmations: 1 };
 
 /// A capture whose pixels, and depths, are kept in a folder.
 struct Capture {
@@ -43,11 +43,11 @@ impl Capture {
     }
 
     fn find(&self) -> (DepthPrior, Source) {
-        DepthPrior::find(&self.scene, &self.store, &BOUNDS, &SETTINGS).unwrap()
+        DepthPrior::find(&self.scene, &self.store, &BOUNDS, &SETTINGS, &go_on).unwrap()
     }
 
     fn estimate(&self) -> DepthPrior {
-        DepthPrior::estimate(&self.scene, &self.store, &BOUNDS, &SETTINGS).unwrap()
+        DepthPrior::estimate(&self.scene, &self.store, &BOUNDS, &SETTINGS, &go_on).unwrap()
     }
 
     /// The one file of depths.
@@ -73,8 +73,8 @@ impl Capture {
 fn open(folder: &Path, cache: &Path) -> (Scene, PixelStore) {
     let scene = Scene::open(folder).unwrap();
     let frames: Vec<usize> = (0..scene.frames.len()).collect();
-    let go_on = |_, _| ControlFlow::Continue(());
-    let store = PixelStore::load_through(cache, &scene, &frames, &go_on).unwrap();
+    let progress = |_, _| ControlFlow::Continue(());
+    let store = PixelStore::load_through(cache, &scene, &frames, &progress).unwrap();
     (scene, store)
 }
 
@@ -101,7 +101,7 @@ fn depths_are_estimated_anew_when_anything_differs() {
     let mut asked = vec![(BOUNDS, SETTINGS), (higher, SETTINGS), (BOUNDS, SETTINGS)];
     asked.extend(
         [
-            StereoSettings { width: 25, ..SETTINGS },
+            StereoSettings { side: 25, ..SETTINGS },
             StereoSettings { planes: 33, ..SETTINGS },
             StereoSettings { neighbours: 2, ..SETTINGS },
             StereoSettings { confirmations: 2, ..SETTINGS },
@@ -110,7 +110,7 @@ fn depths_are_estimated_anew_when_anything_differs() {
     );
     for (bounds, settings) in asked {
         for source in [Source::Stereo, Source::Cache] {
-            let found = DepthPrior::find(&capture.scene, &capture.store, &bounds, &settings);
+            let found = DepthPrior::find(&capture.scene, &capture.store, &bounds, &settings, &go_on);
             assert_eq!(found.unwrap().1, source, "{bounds:?} {settings:?}");
         }
         capture.file();
@@ -178,10 +178,10 @@ fn pixels_in_memory_have_no_depths_on_disk() {
     let capture = Capture::new();
     let frames: Vec<usize> = (0..capture.scene.frames.len()).collect();
     let unwritable = capture.scene.frames[0].path.join("inside-a-file");
-    let go_on = |_, _| ControlFlow::Continue(());
-    let store = PixelStore::load_through(&unwritable, &capture.scene, &frames, &go_on).unwrap();
+    let progress = |_, _| ControlFlow::Continue(());
+    let store = PixelStore::load_through(&unwritable, &capture.scene, &frames, &progress).unwrap();
     for _ in 0..2 {
-        let (_, source) = DepthPrior::find(&capture.scene, &store, &BOUNDS, &SETTINGS).unwrap();
+        let (_, source) = DepthPrior::find(&capture.scene, &store, &BOUNDS, &SETTINGS, &go_on).unwrap();
         assert_eq!(source, Source::Stereo);
     }
 }

@@ -5,8 +5,9 @@
 mod common;
 
 use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
-use common::{BOUNDS, BOX, Rig, hit, rig};
+use common::{BOUNDS, BOX, Rig, go_on, hit, rig};
 use relight_scene::{Bounds, Intrinsics, PixelStore, Scene};
 use relight_stereo::{DepthPrior, StereoSettings};
 
@@ -49,7 +50,7 @@ fn within(errors: &[f64], limit: f64) -> f64 {
 fn most_known_distances_are_right() {
     let rig = rig();
     let (scene, store) = capture(&rig, |_, _| false);
-    let prior = DepthPrior::estimate(&scene, &store, &BOUNDS, &StereoSettings::default()).unwrap();
+    let prior = DepthPrior::estimate(&scene, &store, &BOUNDS, &StereoSettings::default(), &go_on).unwrap();
     let errors = errors(&rig, &scene, &store, &prior);
     assert!(prior.coverage() > 0.3, "{}", prior.coverage());
     assert_eq!(errors.len(), prior.points.len());
@@ -74,8 +75,8 @@ fn most_known_distances_are_right() {
 fn reduced_pictures_serve_all_pixels() {
     let rig = rig();
     let (scene, store) = capture(&rig, |_, _| false);
-    let settings = StereoSettings { width: 40, ..StereoSettings::default() };
-    let prior = DepthPrior::estimate(&scene, &store, &BOUNDS, &settings).unwrap();
+    let settings = StereoSettings { side: 40, ..StereoSettings::default() };
+    let prior = DepthPrior::estimate(&scene, &store, &BOUNDS, &settings, &go_on).unwrap();
     let errors = errors(&rig, &scene, &store, &prior);
     assert_eq!(errors.len(), 4 * prior.points.len());
     assert!(prior.coverage() > 0.15, "{}", prior.coverage());
@@ -87,7 +88,7 @@ fn a_distorting_lens_is_allowed_for() {
     let mut rig = rig();
     rig.lens.distortion = vec![-0.8, 0.3, 0.002, -0.003, 0.0];
     let (scene, store) = capture(&rig, |_, _| false);
-    let prior = DepthPrior::estimate(&scene, &store, &BOUNDS, &StereoSettings::default()).unwrap();
+    let prior = DepthPrior::estimate(&scene, &store, &BOUNDS, &StereoSettings::default(), &go_on).unwrap();
     let errors = errors(&rig, &scene, &store, &prior);
     assert!(prior.coverage() > 0.2, "{}", prior.coverage());
     let (fine, coarse) = (within(&errors, 0.01), within(&errors, 0.05));
@@ -100,7 +101,7 @@ fn too_few_views_or_lights_give_nothing() {
     let settings = StereoSettings { planes: 16, ..StereoSettings::default() };
     let estimate = |missing: &dyn Fn(usize, usize) -> bool| {
         let (scene, store) = capture(&rig, missing);
-        DepthPrior::estimate(&scene, &store, &BOUNDS, &settings)
+        DepthPrior::estimate(&scene, &store, &BOUNDS, &settings, &go_on)
     };
     assert!(estimate(&|_, _| false).is_some());
     assert!(estimate(&|view, _| view == 1).is_none(), "two views");
@@ -111,10 +112,28 @@ fn too_few_views_or_lights_give_nothing() {
 }
 
 #[test]
+fn stereo_that_is_not_wanted_any_more_ends_at_the_next_view() {
+    let rig = Rig { views: 6, lens: Intrinsics { width: 24, height: 18, ..rig().lens }, ..rig() };
+    let (scene, store) = capture(&rig, |_, _| false);
+    let settings = StereoSettings { planes: 16, ..StereoSettings::default() };
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    // Each of six views is described, then swept.
+    for (wanted, asked) in [(0, 1), (3, 4), (6, 7), (9, 10), (12, 12)] {
+        let count = AtomicUsize::new(0);
+        let go_on = || {
+            let before = count.fetch_add(1, Ordering::Relaxed);
+            if before < wanted { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        };
+        let found = one.install(|| DepthPrior::estimate(&scene, &store, &BOUNDS, &settings, &go_on));
+        assert_eq!((found.is_some(), count.into_inner()), (wanted == 12, asked));
+    }
+}
+
+#[test]
 fn pictures_without_texture_or_shading_say_nothing() {
     let rig = Rig { contrast: 0.0, shaded: false, ..rig() };
     let (scene, store) = capture(&rig, |_, _| false);
-    let prior = DepthPrior::estimate(&scene, &store, &BOUNDS, &StereoSettings::default()).unwrap();
+    let prior = DepthPrior::estimate(&scene, &store, &BOUNDS, &StereoSettings::default(), &go_on).unwrap();
     assert!(prior.coverage() < 0.01, "{}", prior.coverage());
     assert!(prior.bounds().is_none());
 }
@@ -126,19 +145,19 @@ fn odd_scenes_and_settings_are_harmless() {
     let (scene, store) = capture(&rig, |_, _| false);
     let small = StereoSettings { planes: 16, ..StereoSettings::default() };
     let behind = Bounds { lo: [5.0, -1.0, 5.0], hi: [6.0, 1.0, 6.0] };
-    let prior = DepthPrior::estimate(&scene, &store, &behind, &small).unwrap();
+    let prior = DepthPrior::estimate(&scene, &store, &behind, &small, &go_on).unwrap();
     assert!(prior.points.is_empty() && prior.bounds().is_none() && prior.coverage() == 0.0);
     assert!(prior.distance(0, 3, 3).is_nan());
     for settings in [
-        StereoSettings { width: 1, ..small },
-        StereoSettings { width: 0, ..small },
+        StereoSettings { side: 1, ..small },
+        StereoSettings { side: 0, ..small },
         StereoSettings { planes: 0, ..small },
         StereoSettings { planes: 1, ..small },
         StereoSettings { planes: 2, ..small },
         StereoSettings { neighbours: 0, ..small },
         StereoSettings { neighbours: 100, confirmations: 0, ..small },
     ] {
-        let prior = DepthPrior::estimate(&scene, &store, &BOUNDS, &settings);
+        let prior = DepthPrior::estimate(&scene, &store, &BOUNDS, &settings, &go_on);
         let known = prior.as_ref().map_or(0.0, DepthPrior::coverage);
         assert!((0.0..=1.0).contains(&known), "{settings:?}");
         // The last pixel has an entry, too.

@@ -36,7 +36,9 @@ fn each_pair_is_the_pixel_that_its_ray_goes_through() {
     let data = common::tiny_scene(folder.path());
     let bounds = scene_bounds(&data.scene);
     let settings = StereoSettings { confirmations: 0, ..StereoSettings::default() };
-    let depths = DepthPrior::estimate(&data.scene, &data.pixels, &bounds, &settings).unwrap();
+    let depths =
+        DepthPrior::estimate(&data.scene, &data.pixels, &bounds, &settings, &|| ControlFlow::Continue(()))
+            .unwrap();
     let sampler =
         BatchSampler::new(&data.scene, &data.pixels, Some(&depths), 200, lights(3, 0.0, 0.0), 1).unwrap();
     let mut batch = RayBatch::default();

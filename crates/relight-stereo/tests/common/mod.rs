@@ -2,6 +2,7 @@
 
 use std::f64::consts::TAU;
 use std::fs;
+use std::ops::ControlFlow;
 use std::path::Path;
 
 use relight_scene::{Bounds, Image, Intrinsics, Pose};
@@ -10,6 +11,11 @@ use tempfile::TempDir;
 pub const BOX: Bounds = Bounds { lo: [-0.07, -0.05, 0.0], hi: [0.05, 0.06, 0.09] };
 /// Where depths are looked for.
 pub const BOUNDS: Bounds = Bounds { lo: [-0.4, -0.4, -0.3], hi: [0.4, 0.4, 0.5] };
+
+/// Never stops stereo.
+pub fn go_on() -> ControlFlow<()> {
+    ControlFlow::Continue(())
+}
 
 /// What is photographed, and how.
 #[derive(Clone)]
