@@ -37,10 +37,31 @@ const REMOTE: f64 = 1000.0;
 pub(crate) fn check(scene: &Scene, camera_files: &[PathBuf], light_files: &[PathBuf], faults: &mut Faults) {
     let target = focus(&scene.cameras, &scene.lights);
     if check_all_cameras(scene, camera_files, faults) {
-        check_origin(scene, target, faults);
+        let reach = reach(scene, target);
+        // In another unit nothing tells how far is far.
+        let is_metric = check_unit(reach, camera_files, faults);
+        if is_metric {
+            check_origin(scene, target, faults);
+        }
         check_each_camera(scene, target, camera_files, faults);
-        check_lights(scene, target, light_files, faults);
+        check_lights(scene, target, is_metric.then_some(reach), light_files, faults);
     }
+}
+
+/// The median distance from the cameras to what they look at.
+fn reach(scene: &Scene, target: Vector) -> f64 {
+    median(scene.cameras.iter().map(|camera| norm(sub(target, camera.pose.position()))).collect())
+}
+
+/// Whether cameras at such a distance from what they look at are likely placed in metres.
+fn check_unit(reach: f64, files: &[PathBuf], faults: &mut Faults) -> bool {
+    if reach > FAR {
+        let problem =
+            format!("the cameras stand {reach:.0} m from what they look at: the poses look like millimetres");
+        let mend = "Poses are in metres: divide all translations, the lights' too, by 1000.";
+        faults.warning(FaultKind::Convention, &files[0], problem, mend);
+    }
+    reach <= FAR
 }
 
 /// Poses in a survey's coordinates.
@@ -128,13 +149,7 @@ fn check_all_cameras(scene: &Scene, files: &[PathBuf], faults: &mut Faults) -> b
 /// Cameras that differ from the others.
 fn check_each_camera(scene: &Scene, target: Vector, files: &[PathBuf], faults: &mut Faults) {
     let distance = |pose: &Pose| norm(sub(target, pose.position()));
-    let usual = median(scene.cameras.iter().map(|camera| distance(&camera.pose)).collect());
-    if usual > FAR {
-        let problem =
-            format!("the cameras stand {usual:.0} m from what they look at: the poses look like millimetres");
-        let mend = "Poses are in metres: divide all translations, the lights' too, by 1000.";
-        faults.warning(FaultKind::Convention, &files[0], problem, mend);
-    }
+    let usual = reach(scene, target);
     if scene.cameras.len() < FEW {
         return;
     }
@@ -188,7 +203,8 @@ fn camera_name(scene: &Scene, camera: usize) -> String {
     }
 }
 
-fn check_lights(scene: &Scene, target: Vector, files: &[PathBuf], faults: &mut Faults) {
+/// Lights against each other, and against the distance of the cameras where that is known to be in metres.
+fn check_lights(scene: &Scene, target: Vector, reach: Option<f64>, files: &[PathBuf], faults: &mut Faults) {
     let is_pose = scene.layout == Layout::Rene;
     let mend_start = if is_pose {
         "Light poses are light-to-world matrices in metres; the light stands at the last column"
@@ -209,15 +225,13 @@ fn check_lights(scene: &Scene, target: Vector, files: &[PathBuf], faults: &mut F
         faults.error(FaultKind::Convention, &files[0], problem, &mend);
         return;
     }
-    let distance = |camera: &Camera| norm(sub(target, camera.pose.position()));
-    let cameras = median(scene.cameras.iter().map(distance).collect());
     for ((sight, inverted), path) in sights.iter().zip(&inverted).zip(files) {
         let distance = norm(sub(target, sight.origin));
         let astray = miss(sight, as_is.point);
         let is_inverted = astray > ASTRAY && astray > 3.0 * miss(inverted, as_is.point);
         // A file that places one light needs no more words to say which.
         let light = if is_pose { "the light".to_owned() } else { format!("the light at {:?}", sight.origin) };
-        if distance > FARTHER * cameras.max(1e-9) {
+        if let Some(cameras) = reach.filter(|reach| distance > FARTHER * reach.max(1e-9)) {
             let problem =
                 format!("{light} stands {distance:.1} m from the scene, the cameras {cameras:.2} m");
             let mend = format!("{mend_start}; this one looks like millimetres.");
@@ -226,7 +240,7 @@ fn check_lights(scene: &Scene, target: Vector, files: &[PathBuf], faults: &mut F
             let problem = "the light looks away from what all others look at";
             let mend = format!("{mend_start}; this one looks like world-to-light: invert it.");
             faults.error(FaultKind::Convention, path, problem, &mend);
-        } else if distance < INSIDE * cameras {
+        } else if reach.is_some_and(|reach| distance < INSIDE * reach) {
             let problem = format!("{light} stands {distance:.3} m from the middle of the scene, inside it");
             faults.warning(FaultKind::Placement, path, problem, &format!("{mend_start}: check this one."));
         } else if sight.origin[2] < 0.0 {

@@ -126,12 +126,19 @@ fn a_single_odd_camera_is_named() {
 
 #[test]
 fn millimetres_are_warned_of() {
-    let folder = RIG.write();
-    rewrite_cameras(folder.path(), RIG, |_| true, in_millimetres);
-    rewrite_lights(folder.path(), RIG, |_| true, in_millimetres);
-    let warnings = warnings(folder.path());
-    assert_eq!(warnings.len(), 1);
-    assert!(warnings[0].to_string().contains("millimetres"));
+    type Change = fn(&Pose) -> Pose;
+    // The lights too, or the cameras alone; near the origin, or millimetres away from it that would be metres.
+    let moved: Change = |pose| in_millimetres(&Pose(pose.0.map(|[a, b, c, t]| [a, b, c, t + 2.0])));
+    let cases: [(Change, Change); 3] =
+        [(in_millimetres, in_millimetres), (in_millimetres, |pose| *pose), (moved, moved)];
+    for (cameras, lights) in cases {
+        let folder = RIG.write();
+        rewrite_cameras(folder.path(), RIG, |_| true, cameras);
+        rewrite_lights(folder.path(), RIG, |_| true, lights);
+        let warnings = warnings(folder.path());
+        assert_eq!(warnings.len(), 1, "{warnings:?}");
+        assert!(warnings[0].to_string().contains("millimetres"));
+    }
 }
 
 #[test]
