@@ -6,7 +6,7 @@ use anyhow::{Context, bail, ensure};
 use relight_field::architecture::LightInput;
 use relight_field::engine::{LightPose, Points};
 use relight_field::reference::{self, Field};
-use relight_scene::read_text;
+use relight_scene::{Pose, read_text};
 use relight_train::run::RunFolder;
 use serde::{Deserialize, Serialize};
 
@@ -43,7 +43,7 @@ struct Question {
     points: Vec<[f64; 3]>,
     directions: Vec<[f64; 3]>,
     #[serde(default)]
-    light: Option<[f32; 16]>,
+    light: Option<[f64; 16]>,
 }
 
 #[derive(Serialize)]
@@ -87,16 +87,11 @@ fn parse(text: &str) -> anyhow::Result<Points> {
         Ok(d.map(|c| c / norm))
     });
     let directions = directions.collect::<anyhow::Result<_>>()?;
-    let light = question.light.map(|m| {
-        ensure!(m.iter().all(|c| c.is_finite()), "\"light\" is not finite");
-        ensure!(
-            m[12..] == [0.0, 0.0, 0.0, 1.0],
-            "the last row of \"light\" is {:?}; a light-to-world matrix written row by row ends in 0 0 0 1",
-            &m[12..]
-        );
-        let mut pose = [0.0; 12];
-        pose.copy_from_slice(&m[..12]);
-        Ok(LightPose(pose))
+    let light = question.light.map(|matrix| {
+        let pose = Pose::from_matrix(&matrix).context(
+            "\"light\" is no light-to-world matrix: rigid, in metres, row by row, its last row 0 0 0 1",
+        )?;
+        anyhow::Ok(LightPose(pose.row_major_f32()))
     });
     Ok(Points { positions: question.points, directions, light: light.transpose()? })
 }
@@ -122,8 +117,15 @@ mod tests {
         assert!(fault(r#"{"points":[[0,0,1]],"directions":[[0,0,0]]}"#).contains("direction 0"));
         assert!(fault(r#"{"points":[[0,0]],"directions":[[0,0,1]]}"#).contains("line 1"));
         assert!(fault(r#"{"points":[],"directions":[],"light":[1,2]}"#).contains("16 numbers"));
-        let column_major = "[1,0,0,0, 0,1,0,0, 0,0,1,0, 0,0,0.5,1]";
-        let text = format!(r#"{{"points":[],"directions":[],"light":{column_major}}}"#);
-        assert!(fault(&text).contains("row by row"));
+        for (light, problem) in [
+            ("[1,0,0,0, 0,1,0,0, 0,0,1,0, 0,0,0.5,1]", "transposed"),
+            ("[1,0,0,0, 0,1,0,0, 0,0,1,0, 0,0,0,2]", "last row"),
+            ("[2,0,0,0, 0,2,0,0, 0,0,2,0.5, 0,0,0,1]", "scaled by 2"),
+            ("[1,0.2,0,0, 0,1,0,0, 0,0,1,0.5, 0,0,0,1]", "not orthonormal"),
+            ("[-1,0,0,0, 0,1,0,0, 0,0,1,0.5, 0,0,0,1]", "mirrors"),
+        ] {
+            let told = fault(&format!(r#"{{"points":[],"directions":[],"light":{light}}}"#));
+            assert!(told.contains(problem) && told.contains("row by row"), "{light}: {told}");
+        }
     }
 }
