@@ -9,19 +9,24 @@ use crate::error::RenderError;
 use crate::paths::Shot;
 use crate::placement::{light_at, pose_of};
 
-/// The version that this program reads.
+/// The format and version that this program reads.
+const FORMAT: &str = "relight-path";
 const VERSION: u64 = 1;
 /// A path file's longest length, bytes.
 const LONGEST_FILE: u64 = 1 << 26;
 
 #[derive(Deserialize)]
 struct Header {
+    /// Files from before it was asked for have a version alone.
+    format: Option<String>,
     version: u64,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct PathFile {
+    #[serde(rename = "format")]
+    _format: Option<String>,
     #[serde(rename = "version")]
     _version: u64,
     keyframes: Vec<Keyframe>,
@@ -38,13 +43,16 @@ struct Keyframe {
 pub(crate) fn read(path: &Path, focus: [f64; 3]) -> Result<Vec<Shot>, RenderError> {
     let text = read_text(path, LONGEST_FILE)?;
     let malformed = |error: serde_json::Error| {
-        let form = "{\"version\": 1, \"keyframes\": [{\"camera\": [16 numbers], \"light\": [16 numbers or x, y, z]}]}";
+        let form = "{\"format\": \"relight-path\", \"version\": 1, \"keyframes\": [{\"camera\": [16 numbers], \"light\": \
+                    [16 numbers or x, y, z]}]}";
         RenderError::file(path, format!("is no camera and light path: {error}. A path looks like {form}"))
     };
-    let Header { version } = serde_json::from_str(&text).map_err(malformed)?;
-    if version != VERSION {
-        let problem =
-            format!("is a path file of version {version}, but this program knows version {VERSION} only");
+    let Header { format, version } = serde_json::from_str(&text).map_err(malformed)?;
+    let format = format.as_deref().unwrap_or(FORMAT);
+    if (format, version) != (FORMAT, VERSION) {
+        let problem = format!(
+            "is of format {format:?} version {version}, and only {FORMAT:?} version {VERSION} is known"
+        );
         return Err(RenderError::file(path, problem));
     }
     let file: PathFile = serde_json::from_str(&text).map_err(malformed)?;

@@ -145,8 +145,13 @@ fn a_path_file_is_followed_from_end_to_end() {
         .iter()
         .map(|pose| format!(r#"{{"camera": {}, "light": [0.1, 0.2, 0.4]}}"#, matrix(pose)))
         .collect();
-    let (_folder, path) = written(&format!(r#"{{"version": 1, "keyframes": [{}]}}"#, keyframes.join(", ")));
+    let keyframes = keyframes.join(", ");
+    let whole = format!(r#"{{"format": "relight-path", "version": 1, "keyframes": [{keyframes}]}}"#);
+    let (_folder, path) = written(&whole);
     let shots = from_file(&path, [0.0; 3], 21).unwrap();
+    // As files were before the format was asked for.
+    let (_folder, old) = written(&format!(r#"{{"version": 1, "keyframes": [{keyframes}]}}"#));
+    assert_eq!(from_file(&old, [0.0; 3], 21).unwrap(), shots);
     assert_eq!(shots.len(), 21);
     for (shot, pose) in [0, 10, 20].map(|frame| &shots[frame]).into_iter().zip(&poses) {
         assert!(distance(&shot.camera, pose) < 1e-9);
@@ -165,6 +170,8 @@ fn faulty_path_files_say_what_is_wrong() {
         ("nonsense".to_owned(), "looks like"),
         (r#"{"keyframes": []}"#.to_owned(), "version"),
         (r#"{"version": 2, "keyframes": []}"#.to_owned(), "version 2"),
+        (r#"{"format": "relight-path", "version": 2, "keyframes": []}"#.to_owned(), "version 2"),
+        (r#"{"format": "relight-plan", "version": 1, "keyframes": []}"#.to_owned(), "\"relight-plan\""),
         (r#"{"version": 1, "keyframes": []}"#.to_owned(), "no keyframes"),
         (r#"{"version": 1, "keyframes": [], "loop": true}"#.to_owned(), "loop"),
         (
