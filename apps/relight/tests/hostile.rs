@@ -1,5 +1,8 @@
 //! Wrong input of every kind: an error that names the file and the mend, exit status 1 or 2, never a panic.
 
+// Helpers outside of test functions.
+#![allow(clippy::unwrap_used)]
+
 mod common;
 
 use std::fs;
@@ -56,35 +59,73 @@ fn scenes_that_are_none_are_refused_by_name() {
     }
 }
 
+/// The name, in the scene, of the first image of a split.
+fn first_image(shop: &Workshop, split: &str) -> String {
+    shop.succeed("scene info scene");
+    let text = fs::read_to_string(shop.path("scene/splits.json")).unwrap();
+    let splits: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let [camera, light] = [0, 1].map(|i| splits[split][0][i].as_u64().unwrap());
+    format!("lset{light:03}/data/{camera:05}_image.png")
+}
+
+/// Leaves half of an image, and hands over the whole.
+fn damage(shop: &Workshop, image: &str) -> Vec<u8> {
+    let path = shop.path("scene").join(image);
+    let good = fs::read(&path).unwrap();
+    fs::write(&path, &good[..good.len() / 2]).unwrap();
+    good
+}
+
 #[test]
-fn damaged_images_stop_training_before_it_begins() {
+fn damaged_images_are_refused_by_whatever_reads_them() {
     let shop = Workshop::new();
-    let image = shop.path("scene/lset002/data/00003_image.png");
-    let good = fs::read(&image).unwrap();
-    fs::write(&image, &good[..good.len() / 2]).unwrap();
-    let check = shop.run("scene check scene");
-    assert_eq!(check.status.code(), Some(1));
-    assert!(String::from_utf8(check.stdout).unwrap().contains("lset002/data/00003_image.png"));
-    // Whichever split the image is in, something refuses it.
-    let train = shop.run("train scene --out run --recipe recipe.toml --steps 1");
-    if train.status.success() {
-        assert!(
-            ["easy", "hard"].iter().any(|s| !shop.run(&format!("eval run --split {s}")).status.success())
-        );
-    } else {
-        assert!(String::from_utf8(train.stderr).unwrap().contains("lset002/data/00003_image.png"));
+    let train = "train scene --out run --recipe recipe.toml --steps 1";
+    for split in ["train", "val", "easy", "hard"] {
+        let image = first_image(&shop, split);
+        let good = damage(&shop, &image);
+        let check = shop.run("scene check scene");
+        assert_eq!(check.status.code(), Some(1));
+        assert!(String::from_utf8(check.stdout).unwrap().contains(&image));
+        let refused = |arguments: &str| assert!(shop.fail(arguments, 1).contains(&image), "{arguments}");
+        match split {
+            "train" => {
+                refused(train);
+                assert!(!shop.path("run").exists(), "nothing is left of what was not begun");
+            }
+            "val" => {
+                refused(train);
+                assert!(shop.path("run/config.toml").is_file());
+                fs::remove_dir_all(shop.path("run")).unwrap();
+            }
+            _ => {
+                shop.succeed(train);
+                for other in ["val", "easy", "hard"] {
+                    let eval = format!("eval run --split {other}");
+                    if other == split { refused(&eval) } else { drop(shop.succeed(&eval)) }
+                }
+                fs::remove_dir_all(shop.path("run")).unwrap();
+            }
+        }
+        fs::write(shop.path("scene").join(&image), good).unwrap();
     }
+}
+
+#[cfg(unix)]
+#[test]
+fn runs_that_cannot_be_written_are_refused_before_images_are_read() {
+    let shop = Workshop::new();
+    damage(&shop, &first_image(&shop, "train"));
+    // There is nowhere to make that folder.
+    std::os::unix::fs::symlink("nowhere/run", shop.path("run")).unwrap();
+    let said = shop.fail("train scene --out run --recipe recipe.toml --steps 1", 1);
+    assert!(said.contains("run: is a link to what is not there"), "{said}");
 }
 
 #[test]
 fn black_ground_truth_is_refused_with_the_reason() {
     let shop = Workshop::new();
     shop.train("run");
-    let splits: serde_json::Value =
-        serde_json::from_str(&fs::read_to_string(shop.path("scene/splits.json")).unwrap()).unwrap();
-    let easy = &splits["easy"][0];
-    let name =
-        format!("lset{:03}/data/{:05}_image.png", easy[1].as_u64().unwrap(), easy[0].as_u64().unwrap());
+    let name = first_image(&shop, "easy");
     let black = Image { width: 24, height: 18, data: vec![0; 24 * 18 * 3] };
     black.write_png(&shop.path("scene").join(&name)).unwrap();
     let said = shop.fail("eval run --split easy --json", 1);

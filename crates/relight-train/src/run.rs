@@ -132,7 +132,8 @@ pub fn splits_fingerprint(scene: &Scene, splits: &Splits) -> String {
 }
 
 /// What a training that failed before its first checkpoint leaves behind.
-const LEFT_BY_A_START: [&str; 5] = ["config.toml", "metrics.jsonl", "previews", "checkpoint", LOCK];
+const FILES_LEFT: [&str; 3] = ["config.toml", "metrics.jsonl", LOCK];
+const FOLDERS_LEFT: [&str; 2] = ["previews", "checkpoint"];
 /// The file that a training locks.
 const LOCK: &str = "lock";
 
@@ -145,18 +146,39 @@ pub struct RunFolder {
 }
 
 impl RunFolder {
-    /// Starts a run in `root`, which must be [vacant](Self::check_vacant), and keeps others from training there.
+    /// Starts a run in `root`: [`claim`](Self::claim), and the configuration in it.
+    ///
+    /// # Errors
+    /// As [`claim`](Self::claim).
+    pub fn create(root: &Path, config: &RunConfig) -> Result<Self, TrainError> {
+        let run = Self::claim(root)?;
+        run.write_config(config)?;
+        Ok(run)
+    }
+
+    /// Makes the folder of a run to be started in `root`, which must be [vacant](Self::check_vacant), and keeps others
+    /// from training there. It is no run before its [configuration is written](Self::write_config).
     ///
     /// # Errors
     /// [`TrainError::Run`] if something is there already; [`TrainError::Io`] if it cannot be written.
-    pub fn create(root: &Path, config: &RunConfig) -> Result<Self, TrainError> {
+    pub fn claim(root: &Path) -> Result<Self, TrainError> {
         Self::check_contents(root)?;
-        fs::create_dir_all(root).map_err(TrainError::io(root))?;
+        fs::create_dir_all(root).map_err(|error| match error.kind() {
+            ErrorKind::AlreadyExists => {
+                TrainError::run(root, "is a link to what is not there: remove it, or choose another folder")
+            }
+            _ => TrainError::io(root)(error),
+        })?;
         let run = Self { root: root.to_owned(), _lock: Some(lock(root)?) };
         // Another may have trained there from its first step to its last since.
         Self::check_contents(root)?;
-        run.write_config(config)?;
         Ok(run)
+    }
+
+    /// Gives up a folder that was claimed: removes it, unless there is more in it than the claim.
+    pub fn abandon(self) {
+        // What cannot be removed does no harm: a folder with nothing but a lock is vacant.
+        let _ = fs::remove_file(self.root.join(LOCK)).and_then(|()| fs::remove_dir(&self.root));
     }
 
     /// Checks that a run can be started in `root`: that it does not exist, or is empty but for a run that never got
@@ -183,18 +205,25 @@ impl RunFolder {
             Ok(entries) => entries,
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
             Err(error) if error.kind() == ErrorKind::NotADirectory => {
-                return Err(TrainError::run(
-                    root,
-                    "is a file, and a run needs a folder: choose another name",
-                ));
+                let what = if root.exists() { "is" } else { "lies under" };
+                let problem = format!("{what} a file, and a run needs a folder: choose another name");
+                return Err(TrainError::run(root, problem));
             }
             Err(error) => return Err(TrainError::io(root)(error)),
         };
         for entry in entries {
-            let name = entry.map_err(TrainError::io(root))?.file_name();
+            let entry = entry.map_err(TrainError::io(root))?;
+            let name = entry.file_name();
             let name = name.to_string_lossy();
-            if !name.ends_with(UNFINISHED) && !LEFT_BY_A_START.contains(&name.as_ref()) {
+            let is_folder = FOLDERS_LEFT.contains(&name.as_ref());
+            if !is_folder && !name.ends_with(UNFINISHED) && !FILES_LEFT.contains(&name.as_ref()) {
                 return Err(TrainError::run(root, "is not empty and holds no run: choose another folder"));
+            }
+            if entry.path().is_dir() != is_folder {
+                let kind = if is_folder { "folder" } else { "file" };
+                let problem =
+                    format!("is no {kind}, and a run has one there: remove it, or choose another folder");
+                return Err(TrainError::run(&entry.path(), problem));
             }
         }
         Ok(())

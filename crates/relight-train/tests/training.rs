@@ -208,12 +208,42 @@ fn one_training_at_a_time_works_in_a_folder() {
 }
 
 #[test]
+fn a_claim_that_is_given_up_leaves_nothing_but_what_others_left() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("deep/run");
+    let claim = RunFolder::claim(&root).unwrap();
+    assert!(RunFolder::claim(&root).unwrap_err().to_string().contains("another training"));
+    claim.abandon();
+    assert!(!root.exists() && root.parent().unwrap().exists());
+    let claim = RunFolder::claim(&root).unwrap();
+    fs::write(root.join("metrics.jsonl"), "").unwrap();
+    claim.abandon();
+    assert!(root.join("metrics.jsonl").is_file() && !root.join("lock").exists());
+}
+
+#[test]
 fn a_run_needs_a_folder_of_its_own() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("file");
     fs::write(&file, "something").unwrap();
     assert!(RunFolder::check_vacant(&file).unwrap_err().to_string().contains("is a file"));
     assert!(RunFolder::check_vacant(folder.path()).unwrap_err().to_string().contains("not empty"));
+    let under = RunFolder::check_vacant(&file.join("run")).unwrap_err().to_string();
+    assert!(under.contains("file/run: lies under a file"), "{under}");
+    for (name, is_folder) in
+        [("config.toml", true), ("lock", true), ("a.part", true), ("previews", false), ("checkpoint", false)]
+    {
+        let root = folder.path().join(format!("with-{name}"));
+        fs::create_dir(&root).unwrap();
+        let path = root.join(name);
+        if is_folder {
+            fs::create_dir(&path).unwrap()
+        } else {
+            fs::write(&path, "").unwrap()
+        }
+        let told = RunFolder::check_vacant(&root).unwrap_err().to_string();
+        assert!(told.contains(&format!("{name}: is no f")), "{told}");
+    }
     RunFolder::check_vacant(&folder.path().join("none")).unwrap();
 }
 

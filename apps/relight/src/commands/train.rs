@@ -104,16 +104,27 @@ fn begin(args: &Args, quiet: bool) -> anyhow::Result<(RunFolder, RunConfig, Prep
     let model = args.model.as_deref().unwrap_or(MODEL).to_lowercase();
     let recipe = recipe(args.preset.unwrap_or(Preset::Fast), args.recipe.as_deref(), &model)?;
     let (scene, splits) = open(&args.scene)?;
-    let mut data = Prepared::load(scene, splits, quiet)?;
-    let config = data.plan(Wish {
+    let wish = Wish {
         model,
         preset: args.preset.unwrap_or(Preset::Fast).name().to_owned(),
         recipe,
         seed: args.seed.unwrap_or(0),
         budget: Budget { steps: args.steps, minutes: args.minutes },
         bounds: args.bounds,
-    })?;
-    Ok((RunFolder::create(&args.out, &config)?, config, data))
+    };
+    let run = RunFolder::claim(&args.out)?;
+    let prepared = Prepared::load(scene, splits, quiet).and_then(|mut data| {
+        let config = data.plan(wish)?;
+        run.write_config(&config)?;
+        Ok((config, data))
+    });
+    match prepared {
+        Ok((config, data)) => Ok((run, config, data)),
+        Err(error) => {
+            run.abandon();
+            Err(error)
+        }
+    }
 }
 
 /// The recipe of a training: the preset's, with the settings in the file `changes` in place of its own.
