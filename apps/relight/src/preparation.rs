@@ -135,9 +135,14 @@ pub fn open_scene(elsewhere: Option<&Path>, run: &RunFolder, config: &RunConfig)
     }
 }
 
-/// Opens the scene at `path`, and finds its splits.
+/// Opens the scene at `path` to be trained on, and finds its splits.
 pub fn open(path: &Path) -> anyhow::Result<(Scene, Splits)> {
     let scene = Scene::open(path)?;
+    ensure!(
+        path.canonicalize().map_or(true, |whole| whole.to_str().is_some()),
+        "{}: the path is not UTF-8, so that no run could tell which scene it is of: rename the folder",
+        path.display()
+    );
     let splits = Splits::of(&scene)?;
     Ok((scene, splits))
 }

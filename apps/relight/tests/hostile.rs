@@ -121,6 +121,20 @@ fn runs_that_cannot_be_written_are_refused_before_images_are_read() {
     assert!(said.contains("run: is a link to what is not there"), "{said}");
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn scenes_that_a_run_could_not_name_are_refused_before_images_are_read() {
+    use std::os::unix::ffi::OsStrExt;
+    let shop = Workshop::new();
+    damage(&shop, &first_image(&shop, "train"));
+    let odd = std::ffi::OsStr::from_bytes(b"scene\xff");
+    fs::rename(shop.path("scene"), shop.path("").join(odd)).unwrap();
+    let output = shop.command("train --out run --steps 1").arg(odd).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(1) && said.contains("not UTF-8"), "{said}");
+    assert!(!shop.path("run").exists());
+}
+
 #[test]
 fn black_ground_truth_is_refused_with_the_reason() {
     let shop = Workshop::new();

@@ -230,8 +230,10 @@ fn common_intrinsics(folders: &[LightFolder], faults: &mut Faults) -> Option<Int
     }
     let miss = intrinsics.round_trip_error();
     if miss > 0.5 {
+        // A wild lens misses by numbers of three hundred digits.
+        let miss = if miss < 1e6 { format!("{miss:.1}") } else { format!("{miss:e}") };
         let problem =
-            format!("the lens distortion cannot be undone at the image's corners (off by {miss:.1} pixels)");
+            format!("the lens distortion cannot be undone at the image's corners (off by {miss} pixels)");
         let mend = "Check the order of dist_coeffs (k1 k2 p1 p2 k3 …) or calibrate with fewer coefficients.";
         faults.warning(FaultKind::Lens, &path, problem, mend);
     }

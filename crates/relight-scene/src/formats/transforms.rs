@@ -265,7 +265,8 @@ impl Reader {
         EXTENSIONS.iter().map(|extension| with(extension)).find(|path| path.is_file()).ok_or_else(|| {
             let mend = "Images are PNG, JPEG or WebP files, named relative to the folder: fetch the file, or convert it if \
                         it is of another format.";
-            SceneError::fault(FaultKind::Missing, &path, "is missing", mend)
+            let problem = if path.exists() { "is not a file" } else { "is missing" };
+            SceneError::fault(FaultKind::Missing, &path, problem, mend)
         })
     }
 
