@@ -23,6 +23,9 @@ fn bad_arguments_end_with_status_2() {
         "train scene --out run --steps 0",
         "train scene --out run --bounds 1,2,3",
         "train scene --out run --bounds 0,0,0,1,1,-1",
+        "train scene --out run --bounds 0,0,0,1,1,0",
+        "train scene --out run --bounds 0,0,0,1,1,nan",
+        "train scene --out run --bounds -1,-1,-1,1,1,1e39",
         "train scene --out run --device abacus",
         "--threads 0 compare a b",
         "eval run --split best",
@@ -235,6 +238,21 @@ fn recipes_that_make_no_sense_are_refused_by_setting() {
     assert!(
         shop.fail("train scene --out run --precision bf16 --steps 1", 2).contains("possible values: f32")
     );
+}
+
+#[test]
+fn boxes_that_the_scene_does_not_fit_are_refused() {
+    let shop = Workshop::new();
+    for (bounds, reason) in [
+        ("-1e38,-1e38,-1e38,1e38,1e38,1e38", "too long"),
+        ("0,0,0,1e-4,1e-4,1e-4", "too short"),
+        ("-0.3,-0.3,0,0.3,0.3,1e-7", "too short"),
+        ("20,20,20,21,21,21", "no camera sees"),
+    ] {
+        let said = shop.fail(&format!("train scene --out run --steps 1 --bounds {bounds}"), 1);
+        assert!(said.contains("--bounds") && said.contains(reason), "{bounds}: {said}");
+        assert!(!shop.path("run").exists());
+    }
 }
 
 #[test]

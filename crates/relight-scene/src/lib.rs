@@ -29,7 +29,7 @@ mod sheet;
 mod splits;
 mod vector;
 
-pub use bounds::{Bounds, scene_bounds};
+pub use bounds::{Bounds, BoundsFault, check_bounds, scene_bounds};
 pub use cache_file::{CacheEntry, CacheKind};
 pub use camera::{Camera, Intrinsics};
 pub use check::{Report, check};

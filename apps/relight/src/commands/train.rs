@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use clap::ValueEnum;
 use relight_field::architecture::VARIANTS;
-use relight_scene::{Bounds, read_text};
+use relight_scene::{Bounds, check_bounds, read_text};
 use relight_train::recipe::{Preset, Recipe};
 use relight_train::run::{RunConfig, RunFolder, field_of};
 use relight_train::schedule::Budget;
@@ -104,6 +104,14 @@ fn begin(args: &Args, quiet: bool) -> anyhow::Result<(RunFolder, RunConfig, Prep
     let model = args.model.as_deref().unwrap_or(MODEL).to_lowercase();
     let recipe = recipe(args.preset.unwrap_or(Preset::Fast), args.recipe.as_deref(), &model)?;
     let (scene, splits) = open(&args.scene)?;
+    if let Some(bounds) = &args.bounds {
+        check_bounds(&scene, bounds).map_err(|fault| {
+            let scene = args.scene.display();
+            anyhow::anyhow!(
+                "--bounds: {fault}; the box found without it is told by relight scene info {scene}"
+            )
+        })?;
+    }
     let wish = Wish {
         model,
         preset: args.preset.unwrap_or(Preset::Fast).name().to_owned(),

@@ -2,7 +2,7 @@ use std::path::Path;
 
 use super::{Rig, SMALL};
 use crate::vector::{norm, sub};
-use crate::{Bounds, Camera, Intrinsics, Light, Pose, Scene, scene_bounds};
+use crate::{Bounds, BoundsFault, Camera, Intrinsics, Light, Pose, Scene, check_bounds, scene_bounds};
 
 fn lens() -> Intrinsics {
     Intrinsics { width: 1440, height: 1080, fx: 2321.0, fy: 2388.0, cx: 868.0, cy: 454.0, distortion: vec![] }
@@ -84,4 +84,39 @@ fn few_or_parallel_cameras_still_get_a_box() {
     assert!(middle[1] > -0.8 && norm(sub(middle, [0.4, 0.0, 0.0])) < 1.0, "{parallel:?}");
     assert_cubic(&scene_bounds(&scene(vec![lamp, lamp], vec![lamp])));
     assert!(scene_bounds(&scene(vec![], vec![])).lo.iter().all(|v| v.is_finite()));
+}
+
+#[test]
+fn boxes_that_no_field_could_have_are_refused() {
+    let rig = Rig { views: 12, lights: 8, width: 1440, height: 1080 };
+    let cameras: Vec<Pose> = (0..12).map(|view| aim(&rig.camera(view), [0.0, 0.0, 0.05])).collect();
+    let scene = scene(cameras, (0..8).map(|light| rig.light(light)).collect());
+    let around = |half: f32| Bounds { lo: [-half; 3], hi: [half; 3] };
+    let check = |bounds: Bounds| check_bounds(&scene, &bounds);
+
+    // Cameras stand at 0.6 m; that is 6 mm to 60 m.
+    for half in [0.0035, 0.1, 1.0, 25.0] {
+        assert_eq!(check(around(half)), Ok(()), "{half}");
+    }
+    assert_eq!(check(scene_bounds(&scene)), Ok(()));
+    assert_eq!(check(Bounds { lo: [-0.1, -0.1, 0.0], hi: [0.1, 0.1, 0.001] }), Ok(()), "a sheet of card");
+    // Beside the focus, but in the picture.
+    assert_eq!(check(Bounds { lo: [0.05, 0.0, 0.0], hi: [0.08, 0.03, 0.03] }), Ok(()));
+
+    for half in [1e-30, 1e-6, 0.0028] {
+        assert!(matches!(check(around(half)), Err(BoundsFault::TooSmall { .. })), "{half}");
+    }
+    let thin = Bounds { lo: [-0.1, -0.1, 0.0], hi: [0.1, 0.1, 1e-5] };
+    assert!(matches!(check(thin), Err(BoundsFault::TooSmall { .. })));
+    for half in [33.0, 1e6, 1e38, f32::MAX] {
+        assert!(matches!(check(around(half)), Err(BoundsFault::TooLarge { .. })), "{half}");
+    }
+    for half in [0.0, -1.0, f32::NAN, f32::INFINITY] {
+        assert_eq!(check(around(half)), Err(BoundsFault::NoBox), "{half}");
+    }
+    for far in [[50.0, 50.0, 0.0], [0.0, 0.0, 2.0], [0.0, 0.0, -1e20]] {
+        let elsewhere = Bounds { lo: far, hi: far.map(|c| c + 0.5_f32.max(c.abs() * 1e-6)) };
+        assert!(check(elsewhere).is_err(), "{far:?}");
+    }
+    assert_eq!(check(Bounds { lo: [50.0; 3], hi: [50.5; 3] }), Err(BoundsFault::Unseen));
 }
