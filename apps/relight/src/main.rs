@@ -10,11 +10,14 @@ mod stored_zip;
 use std::process::ExitCode;
 
 use clap::error::ErrorKind;
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::{Args, Parser, Subcommand};
 
 use commands::{
     bench, capture, compare, demo, eval, export, profile, query, render, scene, serve, submit, train,
 };
+
+/// Most threads that may be asked for: each has buffers of its own, and beyond the cores that there are they bring nothing.
+const MOST_THREADS: i64 = 1024;
 
 /// Turns one-light-at-a-time photographs into a scene that can be seen and lit from anywhere.
 ///
@@ -40,8 +43,9 @@ struct Cli {
     #[arg(short, long, global = true, conflicts_with = "verbose", display_order = 900)]
     quiet: bool,
     /// Threads to work with; all cores without it. Results do not depend on it.
-    #[arg(long, value_name = "N", global = true, display_order = 900)]
-    threads: Option<std::num::NonZeroUsize>,
+    #[arg(long, value_name = "N", global = true, display_order = 900,
+          value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS))]
+    threads: Option<u16>,
     #[command(subcommand)]
     command: Command,
 }
@@ -68,7 +72,8 @@ fn main() -> ExitCode {
     if let Command::Render(args) = &cli.command
         && let Err(error) = args.check()
     {
-        Cli::command().error(ErrorKind::ValueValidation, error).exit();
+        let mut command = render::Args::augment_args(clap::Command::new("relight render"));
+        command.error(ErrorKind::ValueValidation, error).exit();
     }
     let is_server = matches!(&cli.command, Command::Serve(args) if args.is_server());
     console::start_logging(cli.verbose, cli.quiet, is_server);
@@ -83,7 +88,7 @@ fn main() -> ExitCode {
 
 fn run(cli: Cli) -> anyhow::Result<()> {
     if let Some(threads) = cli.threads {
-        rayon::ThreadPoolBuilder::new().num_threads(threads.get()).build_global()?;
+        rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global()?;
     }
     let quiet = cli.quiet;
     match cli.command {
@@ -100,5 +105,33 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Bench(args) => bench::run(&args, quiet),
         Command::Serve(args) => serve::run(&args, quiet),
         Command::Submit(args) => submit::run(&args, quiet),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    /// Looks at a command and all below it but clap's own `help`; `is_taught`: whether one above it shows examples.
+    fn look(command: &clap::Command, is_taught: bool) {
+        let name = command.get_bin_name().unwrap_or_else(|| command.get_name());
+        let help = command.clone().render_long_help().to_string();
+        let is_taught = is_taught || help.contains("Example");
+        assert!(help.contains("Usage: relight") && command.get_about().is_some(), "{name}: {help}");
+        for argument in command.get_arguments() {
+            assert!(argument.get_help().is_some(), "{name} explains {}", argument.get_id());
+        }
+        let mut below = command.get_subcommands().filter(|command| command.get_name() != "help").peekable();
+        assert!(is_taught || below.peek().is_some(), "{name} shows no example: {help}");
+        below.for_each(|command| look(command, is_taught));
+    }
+
+    #[test]
+    fn the_help_of_every_command_teaches() {
+        let mut cli = Cli::command();
+        cli.build();
+        look(&cli, false);
     }
 }

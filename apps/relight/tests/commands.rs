@@ -174,22 +174,18 @@ fn scenes_are_described_checked_and_shown() {
 #[test]
 fn the_help_teaches() {
     let shop = Workshop::new();
-    for command in [
-        "demo",
-        "scene info",
-        "scene check",
-        "scene sheet",
-        "train",
-        "eval",
-        "render",
-        "query",
-        "export",
-        "compare",
-    ] {
-        let help = shop.succeed(&format!("{command} --help"));
-        assert!(help.contains("Usage:") && help.contains("Example"), "{help}");
-    }
+    // Each command's is looked at beside the commands themselves.
     assert!(shop.succeed("--help").contains("Start here"));
+    assert!(shop.succeed("train --help").contains("Examples:\n  relight train SCENE"));
+    // Whatever is wrong with a command's arguments, its own usage is told.
+    for arguments in
+        ["--camera 0 --light 0 --out a.jpg", "--path orbit --out a.avi", "--camera 0 --out a.png"]
+    {
+        let said = shop.fail(&format!("render run {arguments}"), 2);
+        assert!(said.contains("Usage: relight render"), "{arguments}: {said}");
+    }
+    let said = shop.fail("--threads 100000 compare a.png b.png", 2);
+    assert!(said.contains("--threads") && said.contains("1..=1024"), "{said}");
 }
 
 #[test]

@@ -28,6 +28,7 @@ fn bad_arguments_end_with_status_2() {
         "train scene --out run --bounds -1,-1,-1,1,1,1e39",
         "train scene --out run --device abacus",
         "--threads 0 compare a b",
+        "--threads 100000 compare a b",
         "eval run --split best",
         "render run --out a.png",
         "render run --camera 0 --light 0 --out a.png --size 10",
