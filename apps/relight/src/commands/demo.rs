@@ -88,19 +88,25 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let engine = engines::of_run(&run, &config)?;
     let mut shown = Vec::new();
     let mut scores = Vec::new();
+    let cancel = cancel_flag()?;
     for split in [Split::Easy, Split::Hard] {
         let mut seen = |drawn: relight_train::evaluation::Drawn<'_>| {
             // The last ones: those of the hard split.
             shown.push((drawn.frame, drawn.image.clone()));
-            Ok(ControlFlow::Continue(()))
+            Ok(unless(cancel))
         };
         let scored =
             evaluate(&data.scene, &data.splits, split, &data.pixels, "v5", engine.as_ref(), &mut seen)?;
-        scores.extend(scored);
+        let Some(scored) = scored else {
+            bail!("stopped before all images were scored; the run is in {}", run.root().display());
+        };
+        scores.push(scored);
     }
     let shown = shown.split_off(shown.len().saturating_sub(SHOWN));
     let film = out.join("relit.mp4");
-    draw_film(&data.scene, engine.as_ref(), &film, quiet)?;
+    // An unseen view, the one whose maps are shown too.
+    let view = shown.first().map_or(0, |(frame, _)| data.scene.frames[*frame].camera);
+    draw_film(&data.scene, view, engine.as_ref(), &film, quiet)?;
 
     let page = page(&Told {
         scene: &data.scene,
@@ -155,9 +161,15 @@ fn shoot(folder: &Path, quiet: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// A film of the first test view in which the light moves.
-fn draw_film(scene: &Scene, engine: &dyn Engine, path: &Path, quiet: bool) -> anyhow::Result<()> {
-    let camera = &scene.cameras[0];
+/// A film of the view of one camera, by index, in which the light moves.
+fn draw_film(
+    scene: &Scene,
+    view: usize,
+    engine: &dyn Engine,
+    path: &Path,
+    quiet: bool,
+) -> anyhow::Result<()> {
+    let camera = &scene.cameras[view];
     let lens =
         camera.intrinsics.resized(ENLARGED * camera.intrinsics.width, ENLARGED * camera.intrinsics.height);
     let shots = paths::lights(&scene.lights, focus(scene), &camera.pose, FRAMES)?;
