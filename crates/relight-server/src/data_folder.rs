@@ -5,7 +5,8 @@
 //! receipt-key                  the key that signs receipts, readable by its owner alone
 //! submissions/ID.zip           what was submitted; appears whole, by renaming
 //! pictures/ID/…png             pictures of validation images, made while scoring; appear as a whole folder
-//! incoming/                    what is being received or made; emptied at every start
+//! incoming/                    zips that are being received; emptied at every start
+//! scoring/                     pictures that are being drawn; emptied at every start
 //! server.lock                  held by the one process that serves
 //! ```
 //! The format's version is the database's (`PRAGMA user_version`): the folder is of no use without it.
@@ -62,7 +63,13 @@ impl DataFolder {
     /// If it cannot be made.
     pub fn create(root: &Path) -> Result<DataFolder, FolderError> {
         let folder = DataFolder { root: root.to_owned() };
-        for inner in [folder.root.clone(), folder.submissions(), folder.pictures(), folder.incoming()] {
+        for inner in [
+            folder.root.clone(),
+            folder.submissions(),
+            folder.pictures(),
+            folder.incoming(),
+            folder.scoring(),
+        ] {
             fs::create_dir_all(&inner).map_err(io_at(&inner))?;
         }
         keep_private(root).map_err(io_at(root))?;
@@ -127,9 +134,14 @@ impl DataFolder {
         self.pictures().join(id)
     }
 
-    /// Folder of what is not finished.
+    /// Folder of zips that have not come whole.
     pub fn incoming(&self) -> PathBuf {
         self.root.join("incoming")
+    }
+
+    /// Folder of what scorers are making.
+    pub fn scoring(&self) -> PathBuf {
+        self.root.join("scoring")
     }
 
     /// Removes what a server that was killed left behind: all that is unfinished, and zips and pictures that are not `kept`,
@@ -138,7 +150,7 @@ impl DataFolder {
     /// # Errors
     /// What cannot be removed.
     pub fn sweep(&self, kept: impl Fn(&str) -> bool) -> Result<(), FolderError> {
-        for path in list(&self.incoming())? {
+        for path in list(&self.incoming())?.into_iter().chain(list(&self.scoring())?) {
             remove(&path)?;
         }
         for path in list(&self.submissions())?.into_iter().chain(list(&self.pictures())?) {

@@ -212,7 +212,14 @@ fn server(error: impl Display) -> UploadError {
     UploadError::Server(error.to_string())
 }
 
-/// Streams a body into a file.
+fn disk(error: std::io::Error) -> UploadError {
+    match error.kind() {
+        std::io::ErrorKind::StorageFull | std::io::ErrorKind::QuotaExceeded => UploadError::Full,
+        _ => server(error),
+    }
+}
+
+/// Streams a body into a file. Whatever goes wrong, the file is gone before it is told.
 async fn write<E: Display>(
     app: &App,
     upload: &Upload,
@@ -229,15 +236,33 @@ async fn write<E: Display>(
             bytes += chunk.len() as u64;
             file.write_all(&chunk)?;
         }
-        file.as_file().sync_all()?;
         Ok(Received { file, sha256: to_hex(&hash.finalize()), bytes })
     });
+    let passed_on = pass_on(app, body, chunks).await;
+    let written = writer.await.map_err(server)?;
+    passed_on?;
+    let written = written.map_err(disk)?;
+    match upload.declared {
+        _ if written.bytes == 0 => Err(UploadError::Empty),
+        Some(declared) if declared != written.bytes => {
+            Err(UploadError::Short { received: written.bytes, declared })
+        }
+        _ => Ok(written),
+    }
+}
+
+/// Hands a body over to whoever writes it, within the limits of length and slowness.
+async fn pass_on<E: Display>(
+    app: &App,
+    body: &mut (impl Stream<Item = Result<Bytes, E>> + Unpin),
+    chunks: mpsc::Sender<Bytes>,
+) -> Result<(), UploadError> {
     let (begun, mut received) = (Instant::now(), 0);
     let longest = app.settings.limits.zip_bytes;
     loop {
         let chunk = match timeout(SILENCE, body.next()).await {
             Ok(Some(chunk)) => chunk.map_err(|error| UploadError::Broken(error.to_string()))?,
-            Ok(None) => break,
+            Ok(None) => return Ok(()),
             Err(_) => return Err(UploadError::Slow("nothing came for a minute")),
         };
         received += chunk.len() as u64;
@@ -249,20 +274,8 @@ async fn write<E: Display>(
             return Err(UploadError::Slow("less than 10 kB a second"));
         }
         if chunks.send(chunk).await.is_err() {
-            break; // The writer has failed, and tells below.
+            return Ok(()); // The writer has failed, and tells why.
         }
-    }
-    drop(chunks);
-    let written = writer.await.map_err(server)?.map_err(|error| match error.kind() {
-        std::io::ErrorKind::StorageFull | std::io::ErrorKind::QuotaExceeded => UploadError::Full,
-        _ => server(error),
-    })?;
-    match upload.declared {
-        _ if written.bytes == 0 => Err(UploadError::Empty),
-        Some(declared) if declared != written.bytes => {
-            Err(UploadError::Short { received: written.bytes, declared })
-        }
-        _ => Ok(written),
     }
 }
 
@@ -273,11 +286,12 @@ async fn keep(app: AppState, upload: Upload, received: Received, slot: Slot) -> 
     let id = to_hex(&random);
     let Received { file, sha256, bytes } = received;
     let (zip, folder) = (app.folder.zip(&id), app.folder.submissions());
-    let placed = tokio::task::spawn_blocking(move || -> Result<(), String> {
-        file.persist_noclobber(zip).map_err(|error| error.to_string())?;
-        sync_folder(&folder).map_err(|error| error.to_string())
+    let placed = tokio::task::spawn_blocking(move || -> Result<(), UploadError> {
+        file.as_file().sync_all().map_err(disk)?;
+        file.persist_noclobber(zip).map_err(server)?;
+        sync_folder(&folder).map_err(server)
     });
-    placed.await.map_err(server)?.map_err(server)?;
+    placed.await.map_err(server)??;
     let Upload { user, benchmark, phase, visibility, method, .. } = upload;
     let new = NewSubmission { id: id.clone(), benchmark, phase, visibility, method, sha256, bytes };
     if let Err(error) = app.store.submit(&new, user.id, Time::now()).await {

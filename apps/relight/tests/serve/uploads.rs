@@ -30,6 +30,16 @@ fn uploads_that_are_none_are_told_why_and_leave_nothing() {
         assert_eq!(answer.status, status, "{path}: {answer:?}");
         assert!(answer.error().contains(says), "{path}: {answer:?}");
     }
+    // Its length not announced, it is found to be too long on the way.
+    let mut stream = TcpStream::connect(server.address).unwrap();
+    let chunked =
+        head("POST", PATH, Some(&board.token), 0).replace("Content-Length: 0", "Transfer-Encoding: chunked");
+    stream.write_all(chunked.as_bytes()).unwrap();
+    stream
+        .write_all(&[format!("{:x}\r\n", long.len()).as_bytes(), &long, b"\r\n0\r\n\r\n"].concat())
+        .unwrap();
+    assert_eq!(read_answer(&mut stream).unwrap().status, 413);
+    assert_eq!((files(&board, "incoming"), files(&board, "submissions")), (0, 0));
     // Words of the query that mean nothing are not passed over.
     assert_eq!(server.upload("visiblity=private", &board.token, b"x").status, 400);
     assert_eq!((files(&board, "incoming"), files(&board, "submissions")), (0, 0));

@@ -99,8 +99,8 @@ async fn score_one(
 ) -> Result<(), WorkerError> {
     let begun = Instant::now();
     // A name of its own: the scorer of a server that was killed may still write into the folder that it was given.
-    let incoming = app.folder.incoming();
-    let scratch = tempfile::tempdir_in(&incoming).map_err(io_at(&incoming))?;
+    let scoring = app.folder.scoring();
+    let scratch = tempfile::tempdir_in(&scoring).map_err(io_at(&scoring))?;
     let pictures = scratch.path().join("pictures");
     let ended = score_in_child(app, scorer, claim, &pictures, stop).await;
     let milliseconds = u64::try_from(begun.elapsed().as_millis()).unwrap_or(u64::MAX);
