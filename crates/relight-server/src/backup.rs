@@ -15,10 +15,9 @@ use std::io::{self, Read, Write};
 use std::path::{Component, Path, PathBuf};
 
 use relight_scene::write_whole;
-use sha2::{Digest, Sha256};
 
 use crate::data_folder::{DataFolder, FolderError, io_at};
-use crate::receipt::to_hex;
+use crate::digest::{Hashing, sha256};
 use crate::store::{Store, StoreError};
 use crate::time::Time;
 
@@ -113,9 +112,9 @@ fn write_tar(out: &mut File, files: &[(String, PathBuf)]) -> io::Result<usize> {
             Err(error) => return Err(error),
         };
         let length = file.metadata()?.len();
-        let mut hashing = Hashing { inner: (&mut file).take(length), hash: Sha256::new() };
+        let mut hashing = Hashing::new((&mut file).take(length));
         append(&mut tar, name, length, &mut hashing)?;
-        sums.push_str(&format!("{}  {name}\n", to_hex(&hashing.hash.finalize())));
+        sums.push_str(&format!("{}  {name}\n", hashing.finish()));
         count += 1;
     }
     append(&mut tar, SUMS, sums.len() as u64, &mut sums.as_bytes())?;
@@ -134,20 +133,6 @@ fn append(
     header.set_mode(0o600);
     header.set_mtime(Time::now().0.unsigned_abs() / 1000);
     tar.append_data(&mut header, name, data)
-}
-
-/// Hashes what is read through it.
-struct Hashing<R> {
-    inner: R,
-    hash: Sha256,
-}
-
-impl<R: Read> Read for Hashing<R> {
-    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        let n = self.inner.read(buffer)?;
-        self.hash.update(&buffer[..n]);
-        Ok(n)
-    }
 }
 
 /// Restores a backup to `root`, which must not exist or be empty. Everything is checked before it gets its name.
@@ -173,9 +158,9 @@ pub async fn restore(file: &Path, root: &Path) -> Result<usize, BackupError> {
     let store = Store::open(&folder.database()).await?;
     let kept = store.kept_zips().await?;
     store.close().await;
-    for (id, sha256) in &kept {
+    for (id, sum) in &kept {
         let zip = folder.zip(id);
-        if zip.is_file() && hash_of(&zip).map_err(io_at(&zip))? != *sha256 {
+        if zip.is_file() && sha256(&zip).map_err(io_at(&zip))? != *sum {
             return Err(damaged(format!("the zip of submission {id} is not the one that was submitted")));
         }
     }
@@ -212,10 +197,10 @@ fn unpack(file: &Path, data: &Path) -> io::Result<usize> {
             .join(place(&name).ok_or_else(|| bad(format!("holds {name}, which no backup of ours does")))?);
         fs::create_dir_all(path.parent().unwrap_or(data))?;
         let mut out = File::options().write(true).create_new(true).open(&path)?;
-        let mut hashing = Hashing { inner: entry, hash: Sha256::new() };
+        let mut hashing = Hashing::new(entry);
         io::copy(&mut hashing, &mut out)?;
         out.sync_all()?;
-        found.insert(name, to_hex(&hashing.hash.finalize()));
+        found.insert(name, hashing.finish());
     }
     let listed = listed.ok_or_else(|| bad(format!("is torn: it does not end with {SUMS}")))?;
     let sums: String = found.iter().map(|(name, sum)| format!("{sum}  {name}\n")).collect();
@@ -262,12 +247,6 @@ fn place(name: &str) -> Option<&Path> {
         _ => false,
     };
     fits.then_some(path)
-}
-
-fn hash_of(path: &Path) -> io::Result<String> {
-    let mut hashing = Hashing { inner: File::open(path)?, hash: Sha256::new() };
-    io::copy(&mut hashing, &mut io::sink())?;
-    Ok(to_hex(&hashing.hash.finalize()))
 }
 
 #[cfg(unix)]

@@ -15,6 +15,7 @@ pub fn is_public(split: Split) -> bool {
 
 /// Scores as they are told.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct ToldScores {
     /// Means over scenes, of each split.
     pub means: Vec<ToldMean>,
@@ -27,6 +28,7 @@ pub struct ToldScores {
 
 /// The mean over a split.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct ToldMean {
     /// The split.
     pub split: Split,
@@ -40,6 +42,7 @@ pub struct ToldMean {
 
 /// The means of a scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct ToldScene {
     /// The scene's name.
     pub scene: String,
@@ -49,6 +52,7 @@ pub struct ToldScene {
 
 /// The score of an image.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct ToldImage {
     /// The scene's name.
     pub scene: String,

@@ -14,6 +14,7 @@ pub mod app;
 pub mod backup;
 pub mod benchmark;
 pub mod data_folder;
+pub mod digest;
 pub mod disclosure;
 pub mod leaderboard;
 pub mod limits;

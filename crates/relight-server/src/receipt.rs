@@ -17,8 +17,9 @@ use crate::disclosure::ToldScores;
 /// The format of receipts.
 const FORMAT: &str = "relight-receipt-1";
 
-/// What was submitted, what it scored and who says so.
+/// What was submitted, what it scored and who says so. It reads from JSON only if it holds nothing else, which nobody would have signed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Receipt {
     /// `relight-receipt-1`.
     pub format: String,

@@ -1,20 +1,17 @@
 //! The child process: limits itself, then looks at the zip.
 
-use std::fs;
 use std::io::{self, Write};
 use std::ops::ControlFlow;
-use std::path::Path;
 use std::time::{Duration, Instant};
 
 use relight_scene::Split;
-use sha2::{Digest, Sha256};
 
 use super::job::{Job, Report};
 use super::pictures::draw;
 use crate::Progress;
 use crate::benchmark::Benchmark;
+use crate::digest::sha256;
 use crate::method::Phase;
-use crate::receipt::to_hex;
 use crate::scoring::{ScoringError, score};
 use crate::submission::{Limits, Refusal, SubmissionError, check, inspect};
 
@@ -74,7 +71,7 @@ fn limit(job: &Job) -> Result<(), String> {
 fn do_job(job: &Job) -> Result<Report, String> {
     let limits = Limits { zip_bytes: job.zip_bytes, ..Limits::default() };
     let benchmark = Benchmark::open(&job.benchmark).map_err(|error| error.to_string())?;
-    if hash(&job.zip).map_err(|error| format!("{}: {error}", job.zip.display()))? != job.sha256 {
+    if sha256(&job.zip).map_err(|error| format!("{}: {error}", job.zip.display()))? != job.sha256 {
         return Err("the zip has changed on the server's disk".to_owned());
     }
     let submission = match inspect(&job.zip, &benchmark, &limits) {
@@ -127,18 +124,5 @@ fn refused(error: SubmissionError) -> Result<Report, String> {
     match error {
         SubmissionError::Refused(problems) => Ok(refusal(problems)),
         error => Err(error.to_string()),
-    }
-}
-
-/// SHA-256 of a file, in hexadecimal digits.
-fn hash(path: &Path) -> io::Result<String> {
-    let mut hash = Sha256::new();
-    let mut file = fs::File::open(path)?;
-    let mut buffer = vec![0; 1 << 20];
-    loop {
-        match io::Read::read(&mut file, &mut buffer)? {
-            0 => return Ok(to_hex(&hash.finalize())),
-            n => hash.update(&buffer[..n]),
-        }
     }
 }

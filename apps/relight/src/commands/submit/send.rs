@@ -8,18 +8,17 @@ use std::time::Duration;
 
 use anyhow::{Context, bail, ensure};
 use serde_json::Value;
-use ureq::http::{Response, StatusCode};
-use ureq::{Agent, Body, SendBody};
+use ureq::http::StatusCode;
+use ureq::{Agent, SendBody};
 
 use super::check::checked;
+use super::client;
 use crate::console::{Progress, cancel_flag, print_json, print_line, unless};
 
 /// The variable that holds the token.
 const TOKEN: &str = "RELIGHT_TOKEN";
 /// How long it takes until the server is asked again.
 const ASK_EVERY: Duration = Duration::from_secs(2);
-/// The longest answer that is read.
-const LONGEST_ANSWER: u64 = 1 << 26;
 
 /// Send a zip to an evaluation server. Prints the submission's id.
 ///
@@ -85,18 +84,14 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let token = token.with_context(|| {
         format!("no token: set the variable {TOKEN} to yours, or give --token; the server's account page makes one")
     })?;
-    let server = server(&args.to)?;
+    let server = client::server(&args.to)?;
+    if !client::is_private(&server) {
+        tracing::warn!("{server}: the token is sent unencrypted; use https where the server has it");
+    }
     if let Some(scenes) = &args.scenes {
         checked(&args.zip, scenes, quiet)?;
     }
-    let agent = Agent::new_with_config(
-        Agent::config_builder()
-            .http_status_as_error(false)
-            .user_agent(concat!("relight/", env!("CARGO_PKG_VERSION")))
-            .timeout_connect(Some(Duration::from_secs(30)))
-            .timeout_recv_response(Some(Duration::from_secs(600)))
-            .build(),
-    );
+    let agent = client::agent();
     let answer = upload(args, &agent, &server, &token, quiet)?;
     let id = answer["id"].as_str().with_context(|| format!("{server}: its answer names no id: {answer}"))?;
     if !args.wait {
@@ -110,21 +105,6 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         print_json(&answer)?;
     }
     tell(&answer, args.json)
-}
-
-/// The server's address without what an address may end in.
-fn server(address: &str) -> anyhow::Result<String> {
-    let server = address.trim_end_matches('/');
-    let host = server.strip_prefix("https://").or_else(|| server.strip_prefix("http://"));
-    let host = host.filter(|host| !host.is_empty());
-    let host = host.with_context(|| {
-        format!("{address}: is not the address of a server, such as https://bench.example.org")
-    })?;
-    let is_local = ["localhost", "127.", "[::1]"].iter().any(|local| host.starts_with(local));
-    if server.starts_with("http://") && !is_local {
-        tracing::warn!("{server}: the token is sent unencrypted; use https where the server has it");
-    }
-    Ok(server.to_owned())
 }
 
 /// Sends the zip; the answer, if the server took it.
@@ -163,7 +143,7 @@ fn upload(args: &Args, agent: &Agent, server: &str, token: &str, quiet: bool) ->
     let answer = answer.with_context(|| format!("{server}: cannot be reached, or broke off"))?;
     let status = answer.status();
     let retry = answer.headers().get("retry-after").and_then(|value| value.to_str().ok()).map(str::to_owned);
-    let body = json(answer).with_context(|| server.to_owned())?;
+    let body = client::json(answer).with_context(|| server.to_owned())?;
     if status.is_success() {
         return Ok(body);
     }
@@ -230,7 +210,7 @@ fn wait(agent: &Agent, server: &str, token: &str, id: &str, quiet: bool) -> anyh
         // What was accepted is safe: a server that is away for a moment is asked again.
         match answer {
             Ok(answer) if answer.status().is_success() => {
-                let answer = json(answer).with_context(|| address.clone())?;
+                let answer = client::json(answer).with_context(|| address.clone())?;
                 let state = answer["state"].as_str().unwrap_or_default().to_owned();
                 if state != "queued" && state != "scoring" {
                     bar.clear();
@@ -257,25 +237,14 @@ fn wait(agent: &Agent, server: &str, token: &str, id: &str, quiet: bool) -> anyh
     }
 }
 
-fn json(mut answer: Response<Body>) -> anyhow::Result<Value> {
-    let status = answer.status();
-    let text = answer.body_mut().with_config().limit(LONGEST_ANSWER).read_to_string()?;
-    serde_json::from_str(&text)
-        .with_context(|| format!("the answer ({status}) is not JSON: is this an evaluation server?"))
-}
-
 /// Prints how a submission did.
 fn tell(answer: &Value, is_told: bool) -> anyhow::Result<()> {
     if answer["state"] == "scored" {
         let means = answer["scores"]["means"].as_array().map(Vec::as_slice).unwrap_or_default();
         for mean in means.iter().filter(|_| !is_told) {
             let number = |name: &str| mean[name].as_f64();
-            let psnr = number("psnr").map_or("infinite".to_owned(), |psnr| format!("{psnr:.2}"));
-            let ssim = number("ssim").unwrap_or(f64::NAN);
-            print_line(&format!(
-                "{:<6} PSNR {psnr} dB, SSIM {ssim:.3}",
-                mean["split"].as_str().unwrap_or_default()
-            ))?;
+            let split = mean["split"].as_str().unwrap_or_default();
+            print_line(&client::mean_line(split, number("psnr"), number("ssim").unwrap_or(f64::NAN)))?;
         }
         return Ok(());
     }
