@@ -5,10 +5,13 @@
 
 mod admin;
 mod board;
+#[path = "../common/mod.rs"]
+mod common;
 #[path = "../../../../crates/relight-server/tests/fair/mod.rs"]
 mod fair;
 mod fairness;
 mod kills;
 mod readers;
+mod round_trip;
 mod uploads;
 mod visibility;
