@@ -34,6 +34,11 @@ impl Board {
         if let Some(data) = data {
             std::os::unix::fs::symlink(data, folder.path().join("data")).unwrap();
         }
+        Board::hosting(folder)
+    }
+
+    /// Of the scenes in the folder's `scenes`.
+    pub fn hosting(folder: TempDir) -> Board {
         let mut board = Board { folder, token: String::new() };
         let scenes = board.path("scenes");
         board.admin(&["add-benchmark", "tiny", scenes.to_str().unwrap()]);

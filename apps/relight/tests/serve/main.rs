@@ -10,6 +10,8 @@ mod common;
 #[path = "../../../../crates/relight-server/tests/fair/mod.rs"]
 mod fair;
 mod fairness;
+#[cfg(target_os = "linux")]
+mod hostile;
 mod kills;
 mod readers;
 mod round_trip;

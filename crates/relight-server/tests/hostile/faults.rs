@@ -1,44 +1,9 @@
-//! The grammar of faults: a zip has one to three of these, each at a place drawn at random.
+//! The grammar's words: faults, each at a place drawn at random.
 
-use relight_server::submission::Limits;
-
-use crate::common::SIZE;
-use crate::png_writer::{self as png, Header};
-use crate::zip_writer::{Entry, Stated, Zip};
-
-/// Counter-based random numbers, so that a case can be made again from its seed.
-pub struct Random(pub u64);
-
-impl Random {
-    pub fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ z >> 31
-    }
-
-    pub fn below(&mut self, n: usize) -> usize {
-        (self.next() % n.max(1) as u64) as usize
-    }
-
-    pub fn one<T: Copy>(&mut self, of: &[T]) -> T {
-        of[self.below(of.len())]
-    }
-
-    pub fn bytes(&mut self, n: usize) -> Vec<u8> {
-        (0..n).map(|_| self.next() as u8).collect()
-    }
-}
-
-/// A zip on its way to being hostile.
-pub struct Case {
-    pub zip: Zip,
-    pub limits: Limits,
-    /// The written zip is replaced by these bytes.
-    pub instead: Option<Vec<u8>>,
-    /// Of the written zip so many thousandths are kept.
-    pub kept: Option<usize>,
-}
+use super::case::{Case, Random};
+use super::common::SIZE;
+use super::png_writer::{self as png, Header};
+use super::zip_writer::{Entry, Stated};
 
 /// A way to go wrong.
 pub struct Fault {
@@ -59,9 +24,18 @@ const fn fault(
     Fault { name, codes, also, apply }
 }
 
+/// The place of an entry that is as it should be, until now: what one fault does, no other undoes.
+fn sound(case: &mut Case, random: &mut Random) -> usize {
+    let entries = &mut case.zip.entries;
+    let sound: Vec<usize> = (0..entries.len()).filter(|&n| !entries[n].spoilt).collect();
+    let n = random.one(&sound);
+    entries[n].spoilt = true;
+    n
+}
+
 fn any<'a>(case: &'a mut Case, random: &mut Random) -> &'a mut Entry {
-    let n = case.zip.entries.len();
-    &mut case.zip.entries[random.below(n)]
+    let n = sound(case, random);
+    &mut case.zip.entries[n]
 }
 
 /// Renames an entry in both of its headers.
@@ -75,30 +49,27 @@ fn rename(case: &mut Case, random: &mut Random, name: impl Fn(&str) -> Vec<u8>) 
 fn add(case: &mut Case, random: &mut Random, name: &str) {
     let place = random.below(case.zip.entries.len() + 1);
     let bytes = random.bytes(30);
-    case.zip.entries.insert(place, Entry::new(name, &bytes, false));
+    case.zip.entries.insert(place, Entry { spoilt: true, ..Entry::new(name, &bytes, false) });
 }
 
 /// Replaces an entry's bytes by others, honestly packed.
 fn put(case: &mut Case, random: &mut Random, bytes: &[u8]) {
     let entry = any(case, random);
-    let name = String::from_utf8_lossy(&entry.central.name).into_owned();
-    *entry = Entry::new(&name, bytes, entry.central.method == 8);
+    entry.put(bytes, entry.central.method == 8);
 }
 
 /// Replaces an entry's bytes by what becomes of them.
 fn change(case: &mut Case, random: &mut Random, change: impl Fn(Vec<u8>, &mut Random) -> Vec<u8>) {
-    let n = random.below(case.zip.entries.len());
-    let entry = &mut case.zip.entries[n];
+    let entry = any(case, random);
     let bytes = change(entry.bytes(), random);
-    let name = String::from_utf8_lossy(&entry.central.name).into_owned();
-    *entry = Entry::new(&name, &bytes, entry.central.method == 8);
+    entry.put(&bytes, entry.central.method == 8);
 }
 
 /// An entry that is deflated.
 fn deflated<'a>(case: &'a mut Case, random: &mut Random) -> &'a mut Entry {
     let entry = any(case, random);
     if entry.central.method != 8 {
-        *entry = Entry::new(&String::from_utf8_lossy(&entry.central.name), &entry.data, true);
+        entry.put(&entry.bytes(), true);
     }
     entry
 }
@@ -166,7 +137,7 @@ pub const FAULTS: &[Fault] = &[
     fault("empty", &["no-images"], &["zip-damaged"], |case, _| case.zip.entries.clear()),
     // Which entries there are.
     fault("missing", MISSING, &[], |case, random| {
-        let n = random.below(case.zip.entries.len());
+        let n = sound(case, random);
         case.zip.entries.remove(n);
     }),
     fault("twice", &["duplicate-name"], &[], |case, random| {
@@ -257,7 +228,7 @@ pub const FAULTS: &[Fault] = &[
     }),
     fault("stored with two sizes", &["size-mismatch"], &[], |case, random| {
         let entry = any(case, random);
-        *entry = Entry::new(&String::from_utf8_lossy(&entry.central.name), &entry.bytes(), false);
+        entry.put(&entry.bytes(), false);
         entry.state(|stated| stated.unpacked = stated.unpacked.wrapping_add(3));
     }),
     fault(
@@ -338,14 +309,13 @@ pub const FAULTS: &[Fault] = &[
     fault("stored bytes damaged", &["checksum-mismatch"], &[], |case, random| {
         let at = random.next() as usize;
         let entry = any(case, random);
-        *entry = Entry::new(&String::from_utf8_lossy(&entry.central.name), &entry.bytes(), false);
+        entry.put(&entry.bytes(), false);
         let at = at % entry.data.len();
         entry.data[at] ^= 1;
     }),
     fault("not packed at all", &["packed-damaged"], &[], |case, random| {
         let entry = any(case, random);
-        let name = String::from_utf8_lossy(&entry.central.name).into_owned();
-        *entry = Entry::new(&name, &[0xff; 600], false);
+        entry.put(&[0xff; 600], false);
         entry.state(|stated| stated.method = 8);
     }),
     fault("wrong checksum", &["checksum-mismatch"], &[], |case, random| {
@@ -461,7 +431,5 @@ pub const FAULTS: &[Fault] = &[
 ];
 
 fn put_deflated(case: &mut Case, random: &mut Random, zeros: usize) {
-    let entry = any(case, random);
-    let name = String::from_utf8_lossy(&entry.central.name).into_owned();
-    *entry = Entry::new(&name, &vec![0; zeros], true);
+    any(case, random).put(&vec![0; zeros], true);
 }

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used)]
 
+mod case;
 #[path = "../common/mod.rs"]
 mod common;
 mod faults;
@@ -12,38 +13,15 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::ControlFlow;
 use std::path::Path;
 
+use case::{Case, Random};
 use common::{answers, benchmark, file};
-use faults::{Case, FAULTS, Fault, Random};
+use faults::{FAULTS, Fault};
 use relight_server::benchmark::Benchmark;
-use relight_server::submission::{Limits, SubmissionError, check};
-use zip_writer::{Entry, Zip};
-
-/// A zip that an honest program could have written, of some shape.
-fn honest(answers: &[(String, Vec<u8>)], random: &mut Random) -> Case {
-    let descriptor = random.one(&[None, None, Some(true), Some(false)]);
-    let zip64 = random.below(4) == 0;
-    let deflated = random.below(3);
-    let entries = answers.iter().map(|(name, bytes)| Entry {
-        zip64,
-        descriptor,
-        ..Entry::new(name, bytes, if deflated == 2 { random.below(2) == 0 } else { deflated == 1 })
-    });
-    let entries = entries.collect();
-    let zip = Zip { entries, zip64: random.below(4) == 0, ..Zip::default() };
-    Case { zip, limits: Limits::default(), instead: None, kept: None }
-}
-
-fn written(case: &Case) -> Vec<u8> {
-    let mut bytes = case.instead.clone().unwrap_or_else(|| case.zip.write());
-    if let Some(thousandths) = case.kept {
-        bytes.truncate(bytes.len() * thousandths / 1000);
-    }
-    bytes
-}
+use relight_server::submission::{SubmissionError, check};
 
 /// The codes of all that is wrong with a case; none if it is accepted.
 fn codes(case: &Case, benchmark: &Benchmark, folder: &Path) -> BTreeSet<String> {
-    let zip = file(folder, "upload.zip", &written(case));
+    let zip = file(folder, "upload.zip", &case.written());
     match check(&zip, benchmark, &case.limits, &mut |_| ControlFlow::Continue(())) {
         Ok(_) => BTreeSet::new(),
         Err(SubmissionError::Refused(refusal)) => {
@@ -60,7 +38,7 @@ fn honest_zips_of_all_shapes_pass() {
     let (folder, benchmark) = benchmark();
     for seed in 0..60 {
         let answers = answers(&benchmark, seed % 2 == 0);
-        let case = honest(&answers, &mut Random(seed));
+        let case = Case::honest(&answers, &mut Random(seed));
         assert_eq!(codes(&case, &benchmark, folder.path()), BTreeSet::new(), "seed {seed}");
     }
 }
@@ -72,7 +50,7 @@ fn every_fault_is_refused_by_its_name() {
     for (n, fault) in FAULTS.iter().enumerate() {
         for seed in 0..6 {
             let mut random = Random((1000 * n + seed) as u64);
-            let mut case = honest(&answers, &mut random);
+            let mut case = Case::honest(&answers, &mut random);
             (fault.apply)(&mut case, &mut random);
             let codes = codes(&case, &benchmark, folder.path());
             let told = |among: &[&str]| codes.iter().filter(|code| among.contains(&code.as_str())).count();
@@ -90,15 +68,7 @@ fn a_thousand_hostile_zips_are_refused_with_their_reasons() {
     let mut reasons = BTreeMap::<String, usize>::new();
     for seed in 0..1000 {
         let mut random = Random(seed << 20);
-        let mut case = honest(&answers, &mut random);
-        let mut applied: Vec<&Fault> = Vec::new();
-        for _ in 0..=random.below(3) {
-            let fault = &FAULTS[random.below(FAULTS.len())];
-            if case.zip.entries.len() > 2 {
-                (fault.apply)(&mut case, &mut random);
-                applied.push(fault);
-            }
-        }
+        let (case, applied) = Case::hostile(&answers, &mut random);
         let names: Vec<&str> = applied.iter().map(|fault| fault.name).collect();
         let codes = codes(&case, &benchmark, folder.path());
         let reason = |code: &String| {

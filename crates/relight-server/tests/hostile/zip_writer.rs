@@ -31,6 +31,8 @@ pub struct Entry {
     pub descriptor: Option<bool>,
     /// Where the directory says that it lies, if not where it does.
     pub offset: Option<u64>,
+    /// No honest program would have written it.
+    pub spoilt: bool,
 }
 
 impl Entry {
@@ -53,7 +55,14 @@ impl Entry {
             zip64: false,
             descriptor: None,
             offset: None,
+            spoilt: false,
         }
+    }
+
+    /// Holds other bytes, honestly packed.
+    pub fn put(&mut self, bytes: &[u8], deflated: bool) {
+        let name = String::from_utf8_lossy(&self.central.name).into_owned();
+        *self = Entry { spoilt: self.spoilt, ..Entry::new(&name, bytes, deflated) };
     }
 
     /// States something in both headers.
