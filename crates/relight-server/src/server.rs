@@ -77,6 +77,8 @@ pub async fn serve(
     let listener = TcpListener::bind(address).await.map_err(listen)?;
     let address = listener.local_addr().map_err(listen)?;
     tracing::info!(%address, data = %data.display(), interrupted, "serving");
+    // What all entries' intervals take no reader should have to wait for.
+    let warming = tokio::spawn(warm(Arc::clone(&app)));
     let (stopping, stopped) = watch::channel(false);
     let scoring = tokio::spawn(score_queue(Arc::clone(&app), scorer, stopped));
     let forgetting = tokio::spawn(forget_idle(Arc::clone(&app)));
@@ -85,6 +87,7 @@ pub async fn serve(
     tracing::info!("stopping");
     // Whoever listens to it has ended if nobody does.
     let _ = stopping.send(true);
+    warming.abort();
     forgetting.abort();
     if let Err(error) = scoring.await {
         tracing::error!(%error, "the scorer failed");
@@ -150,6 +153,12 @@ fn answer(
         }
         drop(permit);
     });
+}
+
+async fn warm(app: AppState) {
+    if let Err(error) = app.boards.current(&app.store).await {
+        tracing::error!(%error, "the leaderboards cannot be worked out");
+    }
 }
 
 async fn forget_idle(app: AppState) {

@@ -4,6 +4,8 @@
 
 mod fair;
 
+use std::sync::Arc;
+
 use axum::body::Body;
 use axum::http::{Request, StatusCode, header};
 use fair::{Fair, HOSTILE, text, token_in};
@@ -28,6 +30,21 @@ const PAGES: [(&str, bool); 14] = [
     ("/submissions/0000", true),
     ("/submissions/bad", true),
 ];
+
+#[tokio::test]
+async fn leaderboards_that_did_not_change_stay_drawn() {
+    let fair = Fair::with(&["one", "two"]).await;
+    let board = async || fair.app.boards.current(&fair.app.store).await.unwrap().board("rene").unwrap();
+    let before = board().await;
+    // What only its user sees is nobody else's news.
+    let private = Method { name: "three".into(), ..Method::default() };
+    fair.scored("3333", private, Phase::Test, Visibility::Private, 30.0).await;
+    fair.app.boards.changed();
+    assert!(Arc::ptr_eq(&board().await, &before));
+    fair.app.store.set_hidden("0001", true).await.unwrap();
+    fair.app.boards.changed();
+    assert!(!Arc::ptr_eq(&board().await, &before));
+}
 
 #[tokio::test]
 async fn every_page_escapes_hostile_names() {

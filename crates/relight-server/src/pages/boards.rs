@@ -115,14 +115,20 @@ impl Boards {
         let revision = store.revision().await?;
         let snapshot = match known {
             Some(known) if known.revision == revision => known,
-            _ => Arc::new(self.read(store, revision).await?),
+            known => Arc::new(self.read(store, revision, known.as_deref()).await?),
         };
         *self.current.lock().unwrap_or_else(PoisonError::into_inner) = Some((Arc::clone(&snapshot), now));
         Ok(snapshot)
     }
 
-    /// Reads all from the database, after `revision`: what changes meanwhile changes the revision once more.
-    async fn read(&self, store: &Store, revision: i64) -> Result<Snapshot, StoreError> {
+    /// Reads all from the database, after `revision`: what changes meanwhile changes the revision once more. Leaderboards that are as
+    /// `known` keep their drawings.
+    async fn read(
+        &self,
+        store: &Store,
+        revision: i64,
+        known: Option<&Snapshot>,
+    ) -> Result<Snapshot, StoreError> {
         let (mut benchmarks, mut cards) = (Vec::new(), Vec::new());
         let mut listed = HashMap::new();
         for benchmark in store.benchmarks().await? {
@@ -146,7 +152,10 @@ impl Boards {
                 .collect();
             let tables = Leaderboard::new(&benchmark.name, &scenes, &entries);
             cards.push(card(&benchmark, &tables));
-            benchmarks.push(Arc::new(Board { benchmark, tables, drawn: Mutex::default() }));
+            let same = known.and_then(|known| known.board(&benchmark.name).ok());
+            let same = same.filter(|same| same.benchmark == benchmark && same.tables == tables);
+            benchmarks
+                .push(same.unwrap_or_else(|| Arc::new(Board { benchmark, tables, drawn: Mutex::default() })));
         }
         *self.scored.lock().unwrap_or_else(PoisonError::into_inner) = listed;
         Ok(Snapshot { revision, cards, benchmarks })
