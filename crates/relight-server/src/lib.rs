@@ -23,6 +23,7 @@ pub mod metrics;
 pub mod pages;
 mod parallel;
 pub mod receipt;
+pub mod retention;
 pub mod scoring;
 pub mod server;
 pub mod store;

@@ -18,7 +18,9 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 
 use crate::app::{App, AppError, AppState, Connection, Settings, router};
 use crate::data_folder::{DataFolder, FolderError};
+use crate::retention::{Pruned, prune};
 use crate::store::StoreError;
+use crate::time::Time;
 use crate::worker::{Scorer, score_queue};
 
 /// Connections at a time; more wait in the system's queue.
@@ -29,6 +31,8 @@ const HEAD: Duration = Duration::from_secs(15);
 const GRACE: Duration = Duration::from_secs(20);
 /// Between two rounds of forgetting idle clients.
 const FORGET: Duration = Duration::from_secs(60);
+/// Between two looks for zips that need be kept no longer.
+const PRUNE: Duration = Duration::from_secs(3600);
 /// After a connection could not be accepted: there are too many open files, say.
 const PAUSE: Duration = Duration::from_millis(200);
 
@@ -82,6 +86,7 @@ pub async fn serve(
     let (stopping, stopped) = watch::channel(false);
     let scoring = tokio::spawn(score_queue(Arc::clone(&app), scorer, stopped));
     let forgetting = tokio::spawn(forget_idle(Arc::clone(&app)));
+    let pruning = tokio::spawn(prune_now_and_then(Arc::clone(&app)));
     ready(address);
     accept(listener, router(Arc::clone(&app)), stop).await;
     tracing::info!("stopping");
@@ -89,6 +94,7 @@ pub async fn serve(
     let _ = stopping.send(true);
     warming.abort();
     forgetting.abort();
+    pruning.abort();
     if let Err(error) = scoring.await {
         tracing::error!(%error, "the scorer failed");
     }
@@ -165,5 +171,18 @@ async fn forget_idle(app: AppState) {
     loop {
         tokio::time::sleep(FORGET).await;
         app.rates.forget_idle();
+    }
+}
+
+async fn prune_now_and_then(app: AppState) {
+    loop {
+        match prune(&app.folder, &app.store, "server", Time::now()).await {
+            Ok(Pruned { zips: 0, .. }) => {}
+            Ok(Pruned { zips, bytes }) => {
+                tracing::info!(zips, bytes, "zips were kept for their time, and are removed")
+            }
+            Err(error) => tracing::error!(%error, "zips that need be kept no longer stay"),
+        }
+        tokio::time::sleep(PRUNE).await;
     }
 }

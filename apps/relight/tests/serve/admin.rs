@@ -107,6 +107,39 @@ fn a_backup_taken_from_a_running_server_is_a_server_again() {
 }
 
 #[test]
+fn zips_are_kept_as_long_as_admins_say() {
+    let board = Board::new();
+    let server = board.start();
+    let id = server.submit("", &board.token, &board.zip(1, true));
+    let scored = server.verdict(&id, &board.token);
+    let zip = board.path("data/submissions").join(format!("{id}.zip"));
+    assert_eq!(board.admin(&["keep-zips"]), "all");
+    assert_eq!(board.admin(&["prune"]), "0 zips removed, 0 MB");
+    assert_eq!(board.admin(&["keep-zips", "30"]), "30 days");
+    assert_eq!(board.admin(&["prune"]), "0 zips removed, 0 MB");
+    assert!(zip.exists());
+    assert_eq!(board.try_admin(&["keep-zips", "some"]).status.code(), Some(2));
+    board.admin(&["keep-zips", "0"]);
+    assert_eq!(board.admin(&["prune"]), "1 zips removed, 0 MB");
+    assert!(!zip.exists());
+    assert_eq!(board.admin(&["prune"]), "0 zips removed, 0 MB");
+    let audit = board.admin(&["audit"]);
+    assert_eq!(audit.matches(&format!("admin: prune {id}")).count(), 1, "{audit}");
+    // All else is as it was, after a restart and from a backup too.
+    drop(server);
+    let file = board.path("board.tar");
+    board.admin(&["backup", file.to_str().unwrap()]);
+    let restored = board.path("restored");
+    let mut restore = Command::new(env!("CARGO_BIN_EXE_relight"));
+    restore.args(["serve", "admin", "--data"]).arg(&restored).arg("restore").arg(&file);
+    assert!(restore.status().unwrap().success());
+    for data in [board.path("data"), restored] {
+        let server = Server::start(&data, &[]);
+        assert_eq!(server.verdict(&id, &board.token), scored);
+    }
+}
+
+#[test]
 fn baselines_are_entered_scored_and_pinned() {
     let board = Board::new();
     let told = board.admin(&["add-baselines", "tiny"]);

@@ -9,6 +9,7 @@ mod benchmarks;
 mod queue;
 mod submissions;
 mod users;
+mod zips;
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;

@@ -1,7 +1,7 @@
 //! The queue: which submission is scored next, and what became of it. Each step is one transaction that names the state it
 //! starts from, so that a step that was interrupted can be taken again and none can be taken twice.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
 use std::time::Duration;
 
 use sqlx::Row;
@@ -191,20 +191,6 @@ impl Store {
             .fetch_all(&self.readers)
             .await?;
         rows.iter().map(|row| Ok((row.try_get(0)?, row.try_get(1)?))).collect()
-    }
-
-    /// Which of the stored zips are still needed: those of submissions that wait, are being scored or are scored and not
-    /// withdrawn.
-    ///
-    /// # Errors
-    /// If the database fails.
-    pub async fn kept_zips(&self) -> Result<HashMap<String, String>, StoreError> {
-        let rows = sqlx::query(
-            "SELECT id, sha256 FROM submissions WHERE state <> 'refused' AND (withdrawn_at IS NULL OR state = 'scoring')",
-        )
-        .fetch_all(&self.readers)
-        .await?;
-        rows.iter().map(|row| Ok((row.try_get("id")?, row.try_get("sha256")?))).collect()
     }
 
     /// The names of the submissions that have no verdict yet.

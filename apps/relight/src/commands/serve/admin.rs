@@ -1,7 +1,9 @@
 //! `relight serve admin`: what admins do to a server's data, whether or not it is running.
 
 use std::io::Read;
+use std::num::ParseIntError;
 use std::path::PathBuf;
+use std::str::FromStr;
 
 use anyhow::{Context, ensure};
 use relight_server::accounts;
@@ -9,6 +11,7 @@ use relight_server::admin::add_benchmark;
 use relight_server::backup::{backup, restore};
 use relight_server::data_folder::DataFolder;
 use relight_server::method::Phase;
+use relight_server::retention::{Pruned, prune};
 use relight_server::store::{
     BenchmarkEntry, Listing, Quota, SignUpPolicy, State, Store, SubmissionEntry, UserStatus,
 };
@@ -149,6 +152,13 @@ enum Command {
         /// The submission.
         submission: String,
     },
+    /// How many days after their scores zips are kept: a number, or all. The server looks every hour.
+    KeepZips {
+        /// Days, or all; shown if left out.
+        days: Option<Kept>,
+    },
+    /// Remove now the zips that need be kept no longer. Scores, receipts and pictures stay.
+    Prune,
     /// Show who did what, newest first.
     Audit {
         /// Lines to show.
@@ -171,6 +181,18 @@ enum Command {
         /// The backup.
         file: PathBuf,
     },
+}
+
+/// Days that zips are kept; all of them if `None`.
+#[derive(Clone, Copy)]
+struct Kept(Option<u32>);
+
+impl FromStr for Kept {
+    type Err = ParseIntError;
+
+    fn from_str(text: &str) -> Result<Kept, ParseIntError> {
+        if text == "all" { Ok(Kept(None)) } else { text.parse().map(|days| Kept(Some(days))) }
+    }
 }
 
 pub async fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
@@ -268,6 +290,17 @@ async fn run_on(command: &Command, folder: &DataFolder, store: &Store, quiet: bo
                 State::Scoring => Ok(()),
                 _ => Ok(folder.forget(submission)?),
             }
+        }
+        Command::KeepZips { days } => {
+            if let Some(Kept(days)) = days {
+                store.set_zip_days(*days).await?;
+            }
+            let days = store.zip_days().await?;
+            print_line(&days.map_or_else(|| "all".to_owned(), |days| format!("{days} days")))
+        }
+        Command::Prune => {
+            let Pruned { zips, bytes } = prune(folder, store, "admin", Time::now()).await?;
+            print_line(&format!("{zips} zips removed, {} MB", bytes / 1_000_000))
         }
         Command::Audit { last, json } => {
             for entry in store.audit(*last).await? {
