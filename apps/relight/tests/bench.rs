@@ -155,6 +155,22 @@ fn a_training_that_fails_stops_no_other() {
 }
 
 #[test]
+fn a_loss_that_is_not_finite_is_told_in_the_table_and_stops_no_other() {
+    let shop = Workshop::new();
+    let recipe = format!("learning-rate = {{ constant = 1e30 }}\n{}", common::TINY);
+    fs::write(shop.path("recipe.toml"), recipe).unwrap();
+    let said = shop.fail(&format!("bench benchmark scene --out tables --models v5,v3 --jobs 1 {STEPS}"), 1);
+    assert!(said.contains("2 of 2 runs failed"), "{said}");
+    let markdown = read(&shop, "tables/benchmark.md");
+    for model in ["v5", "v3"] {
+        assert_eq!(row(&markdown, "# Benchmark", &["scene", &model.to_uppercase()])[3..9], ["–"; 6]);
+        let why = markdown.lines().find(|line| line.contains(&format!("scene-{model}-s0 failed")));
+        assert!(why.is_some_and(|why| why.contains("is not finite")), "{markdown}");
+    }
+    assert!(read(&shop, "tables/benchmark.html").contains("is not finite"));
+}
+
+#[test]
 fn a_test_image_that_cannot_be_read_is_told_and_costs_no_training() {
     let shop = Workshop::new();
     shop.train("run");
