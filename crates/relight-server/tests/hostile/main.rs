@@ -17,7 +17,8 @@ use case::{Case, Random};
 use common::{answers, benchmark, file};
 use faults::{FAULTS, Fault};
 use relight_server::benchmark::Benchmark;
-use relight_server::submission::{SubmissionError, check};
+use relight_server::scoring::{Scores, score};
+use relight_server::submission::{Limits, SubmissionError, check, inspect};
 
 /// The codes of all that is wrong with a case; none if it is accepted.
 fn codes(case: &Case, benchmark: &Benchmark, folder: &Path) -> BTreeSet<String> {
@@ -82,4 +83,32 @@ fn a_thousand_hostile_zips_are_refused_with_their_reasons() {
     let all: BTreeSet<&str> = FAULTS.iter().flat_map(|fault| fault.codes).copied().collect();
     let reached: BTreeSet<&str> = reasons.keys().map(String::as_str).collect();
     assert_eq!(all.difference(&reached).collect::<Vec<_>>(), Vec::<&&str>::new());
+}
+
+/// Not every byte of a zip tells of its images: times, for one. Whatever byte is wrong, what is not refused scores as before.
+#[test]
+fn a_changed_byte_is_refused_or_changes_nothing() {
+    let (folder, benchmark) = benchmark();
+    let scored = |bytes: &[u8]| -> Option<Scores> {
+        let zip = file(folder.path(), "upload.zip", bytes);
+        let submission = inspect(&zip, &benchmark, &Limits::default()).ok()?;
+        score(&submission, &benchmark, &Limits::default(), &mut |_| ControlFlow::Continue(())).ok()
+    };
+    let answers = answers(&benchmark, false);
+    for seed in 0..3 {
+        let mut bytes = Case::honest(&answers, &mut Random(seed)).written();
+        let (before, mut harmless, mut refused) = (scored(&bytes).unwrap(), 0, 0);
+        for at in (seed as usize..bytes.len()).step_by(23) {
+            bytes[at] ^= 1 << (at % 8);
+            match scored(&bytes) {
+                Some(after) => {
+                    assert_eq!(after, before, "seed {seed}, byte {at}");
+                    harmless += 1;
+                }
+                None => refused += 1,
+            }
+            bytes[at] ^= 1 << (at % 8);
+        }
+        assert!(harmless > 0 && refused > 5 * harmless, "{harmless} of {refused}");
+    }
 }
