@@ -9,7 +9,7 @@ use relight_server::scoring::score;
 use relight_server::submission::{Limits, inspect};
 use serde_json::Value;
 
-use crate::board::{Board, zip};
+use crate::board::{Board, wait_until, zip};
 
 #[test]
 fn a_submission_is_scored_as_offline_and_has_a_receipt() {
@@ -84,7 +84,9 @@ fn what_is_no_submission_costs_nothing_and_says_why() {
         assert_eq!(told["state"], "refused", "{told}");
         let problem = &told["problems"][0];
         assert!(problem["code"].is_string() && problem["message"].is_string(), "{told}");
-        assert!(!board.path("data/submissions").join(format!("{id}.zip")).exists());
+        // After the verdict is written: a kill between the two must not lose a zip that has none.
+        let zip = board.path("data/submissions").join(format!("{id}.zip"));
+        wait_until("the zip stays", || !zip.exists());
     }
     let id = server.submit("", &board.token, &board.zip(1, false));
     assert_eq!(server.verdict(&id, &board.token)["state"], "scored");
