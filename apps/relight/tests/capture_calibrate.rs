@@ -88,8 +88,9 @@ struct Errors {
     /// Of camera centres, metres, and what the calibration expects.
     centres: f64,
     expected: f64,
-    /// Of orientations, degrees.
+    /// Of orientations, degrees, and what the calibration expects.
     rotations: f64,
+    expected_rotations: f64,
     /// Of lights, metres.
     lights: f64,
     /// Residuals, pixels.
@@ -124,6 +125,9 @@ impl Errors {
             centres: mean(pairs.iter().map(|(a, b)| apart(a.position(), b.position()))),
             expected: mean(waypoints.iter().map(|w| w["position_error"].as_f64().unwrap())),
             rotations: mean(pairs.iter().map(turned)),
+            expected_rotations: mean(
+                waypoints.iter().map(|w| w["rotation_error"].as_f64().unwrap().to_degrees()),
+            ),
             lights: mean(lights),
             rms: found["rms_pixels"].as_f64().unwrap(),
         }
@@ -133,7 +137,8 @@ impl Errors {
     fn check_small(&self) {
         // One lens is behind all of them: they miss together.
         assert!(self.centres < 2.0 * self.expected && self.expected < 2e-4, "{self}");
-        assert!(self.rotations < 0.03 && self.rms < 0.08 && self.lights < 1e-4, "{self}");
+        assert!(self.rotations < 2.0 * self.expected_rotations && self.expected_rotations < 0.1, "{self}");
+        assert!(self.rms < 0.08 && self.lights < 1e-4, "{self}");
     }
 
     /// What is asked of a calibration of the whole rig.
@@ -147,10 +152,10 @@ impl Display for Errors {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let [centres, expected, lights] =
             [self.centres, self.expected, self.lights].map(|metres| metres * 1e3);
-        let Errors { rotations, rms, .. } = self;
+        let Errors { rotations, expected_rotations, rms, .. } = self;
         write!(
             f,
-            "centres {centres:.4} mm ({expected:.4} expected), {rotations:.4} degrees, {rms:.4} px RMS, lights {lights:.4} mm"
+            "centres {centres:.4} mm ({expected:.4} expected), {rotations:.4} degrees ({expected_rotations:.4} expected), {rms:.4} px RMS, lights {lights:.4} mm"
         )
     }
 }
@@ -191,6 +196,14 @@ fn cameras_lens_and_light_are_found_and_a_move_is_noticed() {
     for key in ["left_out", "bad_waypoints"] {
         assert_eq!(found[key], serde_json::json!([]), "{key}");
     }
+    // The arms came to rest beside where they were told to go, by the makers' 0.03 mm, and no two alike.
+    let missed = truth["cameras"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|camera| apart(pose(&camera["planned"]).position(), pose(&camera["to_world"]).position()));
+    let missed: Vec<f64> = missed.collect();
+    assert!(missed.iter().all(|far| (1e-6..1.2e-4).contains(far)) && missed[0] != missed[1], "{missed:?}");
     // Every corner that the pictures show; nothing that concerns nobody.
     for (waypoint, camera) in
         found["waypoints"].as_array().unwrap().iter().zip(truth["cameras"].as_array().unwrap())

@@ -33,8 +33,7 @@ fn arms() -> ArmsSettings {
 fn prepared(views: usize, lights: usize) -> Prepared {
     let mut settings = PlanSettings::default();
     (settings.camera.waypoints, settings.light.waypoints) = (views, lights);
-    let file = RigFile { camera: Some(settings.camera), light: Some(settings.light), ..RigFile::default() };
-    Prepared::new(&file, &arms()).unwrap()
+    Prepared::new(&settings, &arms()).unwrap()
 }
 
 fn shots(prepared: &Prepared) -> Shots {
@@ -301,8 +300,7 @@ fn what_cannot_be_shot_together_is_left_out_with_its_reason() {
     (settings.camera.waypoints, settings.light.waypoints) = (4, 12);
     settings.camera.colatitude_degrees = [20.0, 50.0];
     settings.camera.radius_metres = [0.4, 0.45];
-    let file = RigFile { camera: Some(settings.camera), light: Some(settings.light), ..RigFile::default() };
-    let prepared = Prepared::new(&file, &arms()).unwrap();
+    let prepared = Prepared::new(&settings, &arms()).unwrap();
     let plan = &prepared.plan;
     let reasons: Vec<&String> = plan
         .camera

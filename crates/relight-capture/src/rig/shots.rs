@@ -10,7 +10,7 @@ use super::itinerary::{CAMERA, Itinerary, LIGHT};
 use crate::calibration::Calibration;
 use crate::kinematics::ArmsSettings;
 use crate::session::Shots;
-use crate::trajectory::Plan;
+use crate::trajectory::{Plan, PlanSettings, Waypoint};
 
 /// A calibrated camera farther than this from its waypoint is that of another plan, metres: bases are measured to some
 /// centimetres. So is a light's arm.
@@ -35,8 +35,8 @@ impl Prepared {
     ///
     /// # Errors
     /// If the rig cannot be, or nothing is reached.
-    pub fn new(file: &RigFile, arms: &ArmsSettings) -> Result<Prepared, SetupError> {
-        let mut plan = Plan::new(&file.plan_settings())?;
+    pub fn new(settings: &PlanSettings, arms: &ArmsSettings) -> Result<Prepared, SetupError> {
+        let mut plan = Plan::new(settings)?;
         let cell = arms.cell(plan.object)?;
         let itinerary = Itinerary::plan(cell, &arms.homes(), &mut plan)?;
         let labels = [CAMERA, LIGHT].map(|arm| {
@@ -50,6 +50,18 @@ impl Prepared {
             }
         }
         Ok(Prepared { plan, itinerary, labels })
+    }
+
+    /// The waypoints that are left out, each with the reason.
+    pub fn left_out(&self) -> Vec<String> {
+        let reasons = |what, waypoints: &[Waypoint]| -> Vec<String> {
+            let reason = |w: &Waypoint| {
+                Some(format!("{what} waypoint {} is left out: {}", w.label, w.unreachable.as_ref()?))
+            };
+            waypoints.iter().filter_map(reason).collect()
+        };
+        [reasons("camera", &self.plan.camera.waypoints), reasons("light", &self.plan.light.waypoints)]
+            .concat()
     }
 
     /// The session's shots: views and lights stand where `poses` says for an arm and a waypoint's label.

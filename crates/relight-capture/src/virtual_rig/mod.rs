@@ -14,6 +14,7 @@ use relight_scene::{Camera, Image, Light};
 
 mod board;
 mod board_capture;
+mod board_truth;
 mod bsdf;
 mod capture_rig;
 mod error;
@@ -40,7 +41,8 @@ mod virtual_eye;
 mod weave;
 
 pub use board::{PrintedBoard, charuco_board};
-pub use board_capture::{BoardCapture, BoardCaptureError, MOST_TOUCHES, TRUTH};
+pub use board_capture::{BoardCapture, BoardCaptureError, MOST_TOUCHES};
+pub use board_truth::TRUTH;
 pub use capture_rig::CaptureRig;
 pub use error::RigError;
 pub use lamp::Lamp;

@@ -24,7 +24,7 @@ pub(super) const LENS: Intrinsics = Intrinsics {
     distortion: Vec::new(),
 };
 /// Where its wedge of 57 degrees lies on the virtual stage: both walls are seen.
-pub(super) const AZIMUTH_DEGREES: [f64; 2] = [-73.5, -16.5];
+const AZIMUTH_DEGREES: [f64; 2] = [-73.5, -16.5];
 /// The paper's arms, from where they reach all its cameras and lights: the camera's before the open corner of the stage, the
 /// light's on a plinth in the corner of the walls.
 const CAMERA_ARM: ArmPlace =
@@ -78,10 +78,16 @@ impl VirtualCapture {
 
     /// Where cameras and lights stand: on the domes of the paper's rig.
     pub fn plan_settings(&self) -> PlanSettings {
-        let mut settings = PlanSettings::default();
+        let mut settings = VirtualCapture::domes();
         settings.camera.waypoints = self.views;
-        settings.camera.azimuth_degrees = AZIMUTH_DEGREES;
         settings.light.waypoints = self.lights;
+        settings
+    }
+
+    /// The domes of the paper's rig about the virtual stage, with all their waypoints.
+    pub fn domes() -> PlanSettings {
+        let mut settings = PlanSettings::default();
+        settings.camera.azimuth_degrees = AZIMUTH_DEGREES;
         settings
     }
 
@@ -90,7 +96,7 @@ impl VirtualCapture {
     }
 
     /// Where the arms stand that carry camera and lamp.
-    pub fn arms(&self) -> ArmsSettings {
+    pub fn arms() -> ArmsSettings {
         ArmsSettings { camera: CAMERA_ARM, light: LIGHT_ARM, table_metres: 0.0, clearance_metres: 0.01 }
     }
 

@@ -87,7 +87,7 @@ mod tests {
             seed: 7,
         };
         let plan = Plan::new(&capture.plan_settings()).unwrap();
-        let arms = capture.arms().cell(plan.object).unwrap().arms().clone();
+        let arms = VirtualCapture::arms().cell(plan.object).unwrap().arms().clone();
         let joints = [&plan.camera, &plan.light].map(|trajectory| trajectory.waypoints.iter());
         let foreseen: [Vec<Joints>; 2] = std::array::from_fn(|arm| {
             let reach = |pose| arms[arm].reach(pose, &arms[arm].model.upright).unwrap()[0];

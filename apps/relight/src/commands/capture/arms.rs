@@ -30,7 +30,7 @@ pub fn run(job: &Job, quiet: bool) -> anyhow::Result<()> {
         job.virtual_capture.rehearse()?;
     }
     let calibration = job.args.calibration.as_deref().map(load).transpose()?;
-    let prepared = Prepared::new(&job.file, &arms).context(job.args.rig.clone())?;
+    let prepared = Prepared::new(&job.file.plan_settings(), &arms).context(job.args.rig.clone())?;
     let session = Session { job, arms, prepared, is_virtual };
     if job.args.dry_run {
         return session.rehearse();
@@ -199,7 +199,7 @@ impl Session<'_> {
             _ => [lens.width, lens.height],
         };
         print_line(&headline(shots.view_order.len(), shots.light_order.len(), size))?;
-        for line in self.unreached() {
+        for line in self.prepared.left_out() {
             print_line(&line)?;
         }
         let Walk::Complete(travels) = walked else { return Ok(()) };
@@ -209,20 +209,8 @@ impl Session<'_> {
         print_line(&format!("in all, and home: {}, before photographs", told(&rig.travel())))
     }
 
-    /// What the arms do not reach.
-    fn unreached(&self) -> Vec<String> {
-        let plan = &self.prepared.plan;
-        let of = |what, waypoints: &[relight_capture::trajectory::Waypoint]| -> Vec<String> {
-            let reason = |w: &relight_capture::trajectory::Waypoint| {
-                Some(format!("{what} waypoint {} is left out: {}", w.label, w.unreachable.as_ref()?))
-            };
-            waypoints.iter().filter_map(reason).collect()
-        };
-        [of("camera", &plan.camera.waypoints), of("light", &plan.light.waypoints)].concat()
-    }
-
     fn warn_of_unreached(&self) {
-        for line in self.unreached() {
+        for line in self.prepared.left_out() {
             tracing::warn!("{line}; the scene's views and lights are counted without it");
         }
     }

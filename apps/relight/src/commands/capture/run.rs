@@ -157,7 +157,7 @@ impl Job<'_> {
         };
         if args.rig == VIRTUAL {
             settings = virtual_capture.plan_settings();
-            file.arms = Some(virtual_capture.arms());
+            file.arms = Some(VirtualCapture::arms());
         }
         settings.camera.waypoints = virtual_capture.views;
         settings.light.waypoints = virtual_capture.lights;

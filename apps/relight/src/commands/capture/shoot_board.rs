@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::bail;
 use clap::ValueEnum;
-use relight_capture::virtual_rig::{BoardCapture, MOST_TOUCHES, TRUTH};
+use relight_capture::virtual_rig::{BoardCapture, MOST_TOUCHES, TRUTH, VirtualCapture};
 
 use super::board::BoardOptions;
 use crate::commands::render::size;
@@ -14,7 +14,8 @@ use crate::console::{Progress, cancel_flag, print_line, unless};
 ///
 /// The board lies flat in the middle of the world. After the waypoints come photographs for the lens alone: rolled cameras and
 /// a board tilted in all directions tell focal lengths and principal point apart, which waypoints that all look down at one
-/// place under the same tilt cannot. The virtual rig's arms come to rest with 0.03 mm of noise, and its sensor is noisy too.
+/// place under the same tilt cannot. The simulated arms of `capture run` go to the waypoints, by the same planned motions and
+/// drivers, and come to rest with 0.03 mm of noise; photographs for the lens are taken by hand. The sensor is noisy too.
 #[derive(clap::Args)]
 #[command(after_help = format!(
     "Example:\n  relight capture shoot-board --out SESSION\n  relight capture calibrate SESSION\n\n\
@@ -64,9 +65,12 @@ enum RigKind {
 pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     // The only one.
     let RigKind::Virtual = args.rig;
+    let mut plan = VirtualCapture::domes();
+    plan.camera.waypoints = args.views;
     let capture = BoardCapture {
         board: args.board.board()?,
-        views: args.views,
+        plan,
+        arms: VirtualCapture::arms(),
         lens_views: args.lens_views,
         touches: args.touches as usize,
         distortion: args.distortion.unwrap_or_default(),
@@ -77,7 +81,9 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     };
     let cancel = cancel_flag()?;
     let bar = Progress::new("shooting", (args.views + args.lens_views) as u64, quiet);
+    let mut photographs = 0;
     let complete = capture.shoot(&args.out, args.resume, &mut |done, total| {
+        photographs = total;
         bar.update(done as u64, total as u64, || format!("{done} of {total} photographs"));
         unless(cancel)
     })?;
@@ -86,7 +92,7 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     if !complete {
         bail!("{out}: stopped; go on with the same command and --resume");
     }
-    let (views, lens, touches) = (args.views, args.lens_views, args.touches);
+    let (views, lens, touches) = (photographs - args.lens_views, args.lens_views, args.touches);
     print_line(&format!(
         "{out}: a {} from {views} waypoints, {lens} photographs for the lens, {touches} touches; next: relight capture calibrate {out}",
         args.board
