@@ -13,7 +13,7 @@ use relight_capture::rig::{
     walk,
 };
 use relight_capture::robot::{Arm, ArmError, ArmState, ArmStatus, DryRun, JointSpeed, PlannedMotion};
-use relight_capture::session::{Rig, Shots};
+use relight_capture::session::{Rig, RigFault, Shots, Target};
 use relight_capture::trajectory::PlanSettings;
 use relight_scene::{Image, Intrinsics};
 
@@ -253,6 +253,10 @@ impl Eye for Watcher {
     fn shoot(&mut self, stance: &Stance) -> Result<Frame, CameraError> {
         self.0.lock().unwrap().push(*stance);
         Ok(Frame::Developed(Image { width: 1, height: 1, data: vec![0; 3] }))
+    }
+
+    fn show(&mut self, _: Target) -> Result<(), RigFault> {
+        Ok(())
     }
 }
 

@@ -7,10 +7,10 @@ use super::error::ArmsFault;
 use super::itinerary::{CAMERA, Itinerary, LIGHT, station};
 use super::roadmap::HOME;
 use super::whereabouts::{Whereabouts, locate};
-use crate::camera::{Camera, CameraError, Frame};
+use crate::camera::{CameraError, Frame};
 use crate::kinematics::Joints;
 use crate::robot::{Arm, ArmError, ArmStatus, JointSpeed, MotionPlan, PlannedMotion};
-use crate::session::{Rig, RigFault};
+use crate::session::{Rig, RigFault, Target};
 
 /// An arm that waits may be measured this far from its station, radians; farther, something moved it.
 const STANDS: f64 = 2e-3;
@@ -45,16 +45,12 @@ pub trait Eye {
     fn expose(&mut self, multiple: f64) -> Result<(), CameraError> {
         if multiple == 1.0 { Ok(()) } else { Err(CameraError::fixed_exposure()) }
     }
-}
 
-impl<C: Camera + ?Sized> Eye for Box<C> {
-    fn shoot(&mut self, _: &Stance) -> Result<Frame, CameraError> {
-        (**self).shoot()
-    }
-
-    fn expose(&mut self, multiple: f64) -> Result<(), CameraError> {
-        (**self).expose(multiple)
-    }
+    /// Sees something else than the scene from now on, or the scene again.
+    ///
+    /// # Errors
+    /// As [`Rig::show`].
+    fn show(&mut self, target: Target) -> Result<(), RigFault>;
 }
 
 /// How arms move.
@@ -298,5 +294,15 @@ impl Rig for ArmsRig<'_> {
 
     fn expose(&mut self, multiple: f64) -> Result<(), CameraError> {
         self.eye.expose(multiple)
+    }
+
+    /// Both arms wait at home meanwhile: somebody may have to come near.
+    fn show(&mut self, target: Target) -> Result<(), RigFault> {
+        let motion = |fault: ArmsFault| RigFault::Motion(Box::new(fault));
+        self.park().map_err(motion)?;
+        let joints = [self.standing(CAMERA), self.standing(LIGHT)];
+        let [camera, light] = joints.map(|joints| joints.map_err(motion));
+        self.stance = Some(Stance { view: 0, light: 0, joints: [camera?, light?] });
+        self.eye.show(target)
     }
 }

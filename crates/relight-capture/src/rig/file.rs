@@ -97,7 +97,11 @@ pub enum Photographs {
         size: [u32; 2],
     },
     /// The path tracer, from where the arms stand.
-    Virtual {},
+    Virtual {
+        /// Whether it gives raw frames, with what dark and flat frames take away, and no developed ones.
+        #[serde(default)]
+        raw: bool,
+    },
 }
 
 fn patience() -> f64 {
@@ -173,6 +177,13 @@ impl RigFile {
             if size.contains(&0) || size.iter().any(|side| *side > 1 << 15) {
                 return Err(format!("[photographs] size {size:?}: give width and height in pixels"));
             }
+        }
+        if (self.session.dark_frames > 0 || self.session.flat_frames > 0)
+            && let Some(Photographs::Folder { .. } | Photographs::Virtual { raw: false }) = self.photographs
+        {
+            return Err("[session] dark-frames and flat-frames correct raw frames, and this camera develops its own: leave \
+                        them out (a virtual camera gives raw frames with raw = true in [photographs])"
+                .to_owned());
         }
         if let Some(RoughLens { focal_pixels, centre_pixels }) = &self.lens
             && !(focal_pixels.iter().all(|f| f.is_finite() && *f > 0.0)
@@ -275,6 +286,7 @@ mod tests {
             ("[motion]\nsettle-seconds = -1", "settle-seconds -1"),
             ("[photographs]\nfrom = \"folder\"\nfolder = \"x\"\nsize = [0, 3]", "size [0, 3]"),
             ("[lens]\nfocal-pixels = [1, 0]", "focal-pixels"),
+            ("[session]\ndark-frames = 2\n[photographs]\nfrom = \"virtual\"", "raw = true"),
             ("[development]\nwhite-balance = [1, 0, 1]", "white-balance"),
             ("[development]\nblack-level = 255", "black-level"),
         ] {

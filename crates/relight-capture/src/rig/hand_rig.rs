@@ -2,7 +2,7 @@
 
 use super::arms_rig::{Eye, Stance};
 use crate::camera::{CameraError, Frame};
-use crate::session::{Rig, RigFault};
+use crate::session::{Rig, RigFault, Target};
 
 /// Takes photographs of views and lights that somebody else brings about. `place` is told which view and light come next, and
 /// returns once they are there.
@@ -39,5 +39,9 @@ impl Rig for HandRig<'_> {
 
     fn expose(&mut self, multiple: f64) -> Result<(), CameraError> {
         self.eye.expose(multiple)
+    }
+
+    fn show(&mut self, target: Target) -> Result<(), RigFault> {
+        self.eye.show(target)
     }
 }

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use super::arms_rig::{ArmsRig, Travel};
 use crate::camera::{CameraError, Frame};
-use crate::session::{Progress, Rig, RigFault, Shots};
+use crate::session::{Progress, Rig, RigFault, Shots, Target};
 
 use super::arms_rig::{Eye, Stance};
 use super::error::ArmsFault;
@@ -18,6 +18,10 @@ impl Eye for NoEye {
             problem: "the rig was set up without one".to_owned(),
             mend: "Shoot with the camera of the rig file.",
         })
+    }
+
+    fn show(&mut self, _: Target) -> Result<(), RigFault> {
+        Err(RigFault::NoTarget)
     }
 }
 

@@ -16,6 +16,12 @@ pub enum RigFault {
     /// The rig has no dark or even target.
     #[error("this rig has nothing dark and nothing even to show. Ask for no dark and flat frames.")]
     NoTarget,
+    /// Somebody is to do something, and nobody is there.
+    #[error(
+        "somebody has to {0}, and nobody can be asked: standard input is no terminal. Begin the session in a terminal; such \
+         frames come first and are kept, and then it goes on anywhere (--resume)."
+    )]
+    Nobody(&'static str),
     /// There is no photograph.
     #[error(transparent)]
     Camera(#[from] CameraError),

@@ -1,10 +1,10 @@
 //! The virtual rig as a session drives it.
 
-use relight_scene::{Camera, Image, Light};
+use relight_scene::{Camera, Intrinsics, Light};
 
 use super::VirtualRig;
 use crate::camera::{CameraError, Frame};
-use crate::session::{Rig, RigFault};
+use crate::session::{Rig, RigFault, Target};
 
 /// Takes the place of arms, lamp and camera. All lights of a view are photographed at once, when the first of them is asked
 /// for.
@@ -15,13 +15,23 @@ pub struct CaptureRig {
     view: usize,
     light: usize,
     /// Photographs of the view, by light; none before the first is asked for.
-    photographs: Vec<Image>,
+    photographs: Vec<Frame>,
+    is_raw: bool,
+    /// What is before the camera, and how many frames were shot of it if it is not the scene.
+    target: Target,
+    frames: usize,
 }
 
 impl CaptureRig {
     /// A rig whose views and lights stand where these do.
     pub fn new(rig: VirtualRig, cameras: Vec<Camera>, lights: Vec<Light>) -> CaptureRig {
-        CaptureRig { rig, cameras, lights, view: 0, light: 0, photographs: Vec::new() }
+        let (photographs, target) = (Vec::new(), Target::Scene);
+        CaptureRig { rig, cameras, lights, view: 0, light: 0, photographs, is_raw: false, target, frames: 0 }
+    }
+
+    /// The rig with a camera that gives [raw frames](VirtualRig::raw).
+    pub fn raw(self) -> CaptureRig {
+        CaptureRig { is_raw: true, ..self }
     }
 
     /// Turns to another view or light. Photographs of the same view are kept.
@@ -34,11 +44,28 @@ impl CaptureRig {
 
     /// A photograph from elsewhere, which shares nothing with others.
     pub fn shoot_from(&self, camera: &Camera, light: Light) -> Result<Frame, CameraError> {
-        let photograph = self.rig.photograph(camera, &[light]).pop();
-        photograph.map(Frame::Developed).ok_or_else(|| CameraError::Failed {
+        self.photograph(camera, &[light]).pop().ok_or_else(|| CameraError::Failed {
             problem: "the path tracer made no picture".to_owned(),
             mend: "Ask for one light at least.",
         })
+    }
+
+    /// A photograph of what is held before the camera, whose lens is this; none if that is the scene.
+    pub fn shoot_target(&mut self, lens: &Intrinsics) -> Option<Frame> {
+        let is_white = match self.target {
+            Target::Scene => return None,
+            Target::Dark => false,
+            Target::Flat => true,
+        };
+        self.frames += 1;
+        Some(self.rig.raw_target(lens, is_white, self.frames))
+    }
+
+    fn photograph(&self, camera: &Camera, lights: &[Light]) -> Vec<Frame> {
+        if self.is_raw {
+            return self.rig.raw(camera, lights);
+        }
+        self.rig.photograph(camera, lights).into_iter().map(Frame::Developed).collect()
     }
 }
 
@@ -54,15 +81,25 @@ impl Rig for CaptureRig {
     }
 
     fn shoot(&mut self) -> Result<Frame, CameraError> {
+        if let Some(lens) = self.cameras.get(self.view).map(|camera| camera.intrinsics.clone())
+            && let Some(frame) = self.shoot_target(&lens)
+        {
+            return Ok(frame);
+        }
         if self.photographs.is_empty()
             && let Some(camera) = self.cameras.get(self.view)
         {
-            self.photographs = self.rig.photograph(camera, &self.lights);
+            self.photographs = self.photograph(camera, &self.lights);
         }
         let photograph = self.photographs.get(self.light).ok_or_else(|| CameraError::Failed {
             problem: format!("there is no view {} under light {}", self.view, self.light),
             mend: "The session's plan is not that of its rig.",
         })?;
-        Ok(Frame::Developed(photograph.clone()))
+        Ok(photograph.clone())
+    }
+
+    fn show(&mut self, target: Target) -> Result<(), RigFault> {
+        (self.target, self.frames) = (target, 0);
+        Ok(())
     }
 }

@@ -29,6 +29,7 @@ mod obj_file;
 pub mod objects;
 mod occlusion;
 mod random;
+mod raw_frames;
 mod sensor;
 mod settings;
 pub mod shapes;

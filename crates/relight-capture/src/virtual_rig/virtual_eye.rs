@@ -6,7 +6,7 @@ use super::{CaptureRig, VirtualRig};
 use crate::camera::{CameraError, Frame};
 use crate::kinematics::{Arm, Joints};
 use crate::rig::{CAMERA, Eye, LIGHT, Stance};
-use crate::session::Rig;
+use crate::session::{Rig, RigFault, Target};
 
 /// Arms that stand this near to where they were foreseen are there, radians: what protocols round away.
 const THERE: f64 = 1e-7;
@@ -41,6 +41,11 @@ impl VirtualEye {
         VirtualEye { rig: CaptureRig::new(rig, cameras, lights), intrinsics, arms, foreseen }
     }
 
+    /// The camera, giving [raw frames](VirtualRig::raw).
+    pub fn raw(self) -> VirtualEye {
+        VirtualEye { rig: self.rig.raw(), ..self }
+    }
+
     fn is_foreseen(&self, stance: &Stance) -> bool {
         let numbers = [stance.view, stance.light];
         (0..2).all(|arm| {
@@ -54,6 +59,9 @@ impl VirtualEye {
 
 impl Eye for VirtualEye {
     fn shoot(&mut self, stance: &Stance) -> Result<Frame, CameraError> {
+        if let Some(frame) = self.rig.shoot_target(&self.intrinsics) {
+            return Ok(frame);
+        }
         if self.is_foreseen(stance) {
             self.rig.turn_to(stance.view, stance.light);
             return self.rig.shoot();
@@ -65,6 +73,10 @@ impl Eye for VirtualEye {
         };
         let light = Light { label: stance.light, pose: self.arms[LIGHT].tool_pose(&stance.joints[LIGHT]) };
         self.rig.shoot_from(&camera, light)
+    }
+
+    fn show(&mut self, target: Target) -> Result<(), RigFault> {
+        self.rig.show(target)
     }
 }
 

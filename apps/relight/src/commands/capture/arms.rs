@@ -11,7 +11,7 @@ use relight_capture::rig::{
     Travel, Walk, connect, station, walk,
 };
 use relight_capture::robot::DryRun;
-use relight_capture::session::{Ending, Shots};
+use relight_capture::session::{self, Ending, Shots};
 use relight_scene::{Intrinsics, Pose};
 
 use super::run::{Job, headline, time};
@@ -24,14 +24,15 @@ pub fn run(job: &Job, quiet: bool) -> anyhow::Result<()> {
             job.args.rig
         )
     })?;
-    let is_virtual = matches!(job.file.photographs, Some(Photographs::Virtual {}));
+    let is_virtual = matches!(job.file.photographs, Some(Photographs::Virtual { .. }));
+    let is_raw = matches!(job.file.photographs, Some(Photographs::Virtual { raw: true }));
     if is_virtual {
         // What is wrong with the object is told before anything is planned.
         job.virtual_capture.rehearse()?;
     }
     let calibration = job.args.calibration.as_deref().map(load).transpose()?;
     let prepared = Prepared::new(&job.file.plan_settings(), &arms).context(job.args.rig.clone())?;
-    let session = Session { job, arms, prepared, is_virtual };
+    let session = Session { job, arms, prepared, is_virtual, is_raw };
     if job.args.dry_run {
         return session.rehearse();
     }
@@ -43,7 +44,9 @@ struct Session<'a> {
     job: &'a Job<'a>,
     arms: ArmsSettings,
     prepared: Prepared,
+    /// Whether the path tracer takes the photographs, and raw ones.
     is_virtual: bool,
+    is_raw: bool,
 }
 
 impl Session<'_> {
@@ -72,7 +75,10 @@ impl Session<'_> {
             ensure!(walked != Walk::Stopped, "stopped{standing}");
             return print_line(&format!("all waypoints were visited: {}", told(&rig.travel())));
         }
-        let subject = if self.is_virtual { job.virtual_capture.subject()? } else { job.subject(&shots) };
+        let mut subject = if self.is_virtual { job.virtual_capture.subject()? } else { job.subject(&shots) };
+        if self.is_raw {
+            subject.insert(session::CAMERA.to_owned(), "virtual, raw".into());
+        }
         let ending = job.shoot(&mut rig, &shots, &subject, quiet)?;
         if matches!(ending, Ending::Complete { .. }) {
             rig.park()?;
@@ -148,7 +154,8 @@ impl Session<'_> {
         }
         if self.is_virtual {
             let arms = self.prepared.itinerary.cell().arms().clone();
-            return Ok(Box::new(self.job.virtual_capture.eye(arms, foreseen.unwrap_or_default())?));
+            let eye = self.job.virtual_capture.eye(arms, foreseen.unwrap_or_default())?;
+            return Ok(Box::new(if self.is_raw { eye.raw() } else { eye }));
         }
         self.job.real_eye()
     }

@@ -1,6 +1,7 @@
 //! `relight capture`: plan, calibrate and shoot. One file a subcommand.
 
 mod arms;
+mod attendant;
 mod board;
 mod calibrate;
 mod controller;

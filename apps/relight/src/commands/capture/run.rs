@@ -7,14 +7,14 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail, ensure};
 use relight_capture::camera::FolderCamera;
-use relight_capture::rig::{Eye, HandRig, Photographs, RigFile};
+use relight_capture::rig::{AttendedCamera, Eye, HandRig, Photographs, RigFile};
 use relight_capture::session::{self, Ending, Rig, STATE, Shots, Subject};
 use relight_capture::trajectory::Plan;
 use relight_capture::virtual_rig::VirtualCapture;
 use relight_capture::virtual_rig::objects::ALL;
 use relight_scene::Intrinsics;
 
-use super::arms;
+use super::{arms, attendant};
 use crate::commands::render::size;
 use crate::console::{Progress, cancel_flag, print_line, unless};
 
@@ -134,11 +134,11 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
 impl Job<'_> {
     fn new(args: &Args) -> anyhow::Result<Job<'_>> {
         let mut file = if args.rig == VIRTUAL {
-            RigFile { photographs: Some(Photographs::Virtual {}), ..RigFile::default() }
+            RigFile { photographs: Some(Photographs::Virtual { raw: false }), ..RigFile::default() }
         } else {
             RigFile::read(Path::new(&args.rig))?
         };
-        let is_virtual = matches!(file.photographs, Some(Photographs::Virtual {}));
+        let is_virtual = matches!(file.photographs, Some(Photographs::Virtual { .. }));
         ensure!(
             is_virtual || args.size.is_none(),
             "--size is for virtual photographs; the size of others stands in {}, [photographs]",
@@ -292,14 +292,10 @@ impl Job<'_> {
         match &self.file.photographs {
             Some(Photographs::Folder { folder, command, patience_seconds, size: [width, height] }) => {
                 let patience = Duration::try_from_secs_f64(*patience_seconds)?;
-                Ok(Box::new(Box::new(FolderCamera::new(
-                    folder,
-                    command.clone(),
-                    patience,
-                    (*width, *height),
-                )?)))
+                let camera = FolderCamera::new(folder, command.clone(), patience, (*width, *height))?;
+                Ok(Box::new(AttendedCamera::new(Box::new(camera), Box::new(attendant::show))))
             }
-            Some(Photographs::Virtual {}) | None => {
+            Some(Photographs::Virtual { .. }) | None => {
                 bail!(
                     "{}: has no camera; add a table [photographs], or walk with --skip-camera",
                     self.args.rig

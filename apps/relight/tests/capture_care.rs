@@ -1,0 +1,92 @@
+//! What a session does around its photographs, as a rig file asks for it.
+
+// Helpers outside of test functions.
+#![allow(clippy::unwrap_used)]
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+use relight_scene::Scene;
+use tempfile::TempDir;
+
+const RUN: &str = "capture run --rig rig.toml --object wheel --size 48x36 --samples 4";
+/// Simulated arms, two views and three lights.
+const RIG: &str = "[camera]\nwaypoints = 2\ncolatitude-degrees = [48, 68]\nazimuth-degrees = [-118.5, -61.5]\n\
+    radius-metres = [0.602, 0.623]\n\
+    [light]\nwaypoints = 3\ncolatitude-degrees = [5, 43]\nradius-metres = [0.363, 0.414]\n\
+    [arms]\ncamera = { model = \"ec66\", base-metres = [0, -1, 0] }\n\
+    light = { model = \"ur5e\", base-metres = [0, 0.48, 0.03] }\n";
+const RAW: &str = "[development]\nblack-level = 8\n[photographs]\nfrom = \"virtual\"\nraw = true\n";
+const DEVELOPED: &str = "[photographs]\nfrom = \"virtual\"\n";
+
+fn folder() -> TempDir {
+    tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap()
+}
+
+fn command(folder: &Path, arguments: &str) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_relight"));
+    command.current_dir(folder).args(arguments.split_whitespace()).stdin(Stdio::null());
+    command
+}
+
+fn run(folder: &TempDir, rig: &str, arguments: &str) -> Output {
+    fs::write(folder.path().join("rig.toml"), rig).unwrap();
+    command(folder.path(), &format!("{RUN} {arguments}")).output().unwrap()
+}
+
+/// What a command says on standard error that must succeed.
+fn succeed(folder: &TempDir, rig: &str, arguments: &str) -> String {
+    let output = run(folder, rig, arguments);
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{said}");
+    said
+}
+
+/// Light of a scene's photographs in three rows and three columns of each, all added up.
+fn blocks(scene: &Path) -> [f64; 9] {
+    let scene = Scene::open(scene).unwrap();
+    let mut sums = [0.0; 9];
+    for frame in 0..scene.frames.len() {
+        let image = scene.read_frame(frame).unwrap();
+        let (width, height) = (image.width as usize, image.height as usize);
+        for (pixel, bytes) in image.data.chunks(3).enumerate() {
+            let (column, row) = (3 * (pixel % width) / width, 3 * (pixel / width) / height);
+            let light = bytes.iter().map(|&byte| (f64::from(byte) / 255.0).powf(2.2)).sum::<f64>();
+            sums[3 * row + column] += light;
+        }
+    }
+    sums
+}
+
+/// How much the ratio of two scenes' light differs over the picture.
+fn unevenness(a: [f64; 9], b: [f64; 9]) -> f64 {
+    let ratios = a.iter().zip(b).map(|(a, b)| a / b);
+    ratios.clone().fold(0.0, f64::max) / ratios.fold(f64::INFINITY, f64::min)
+}
+
+#[test]
+fn dark_and_flat_frames_take_out_of_raw_photographs_what_is_the_cameras() {
+    let folder = folder();
+    let at = |name: &str| folder.path().join(name);
+    succeed(&folder, &format!("{RIG}{DEVELOPED}"), "--out true");
+    succeed(&folder, &format!("{RIG}{RAW}"), "--out raw");
+    let careful = format!("{RIG}{RAW}[session]\ndark-frames = 4\nflat-frames = 4\n");
+    succeed(&folder, &careful, "--out even");
+    let truth = blocks(&at("true"));
+    let [raw, even] = ["raw", "even"].map(|name| unevenness(blocks(&at(name)), truth));
+    // The lens lets a quarter less light through in the corners.
+    assert!(raw > 1.15 && even < 1.06, "{raw} {even}");
+    // Both references are kept, and a session that has them does not shoot them again.
+    let dark = at("even/.capture/dark.json");
+    let kept = fs::read(&dark).unwrap();
+    fs::remove_file(at("even/.capture/flat.json")).unwrap();
+    succeed(&folder, &careful, "--out even --resume");
+    assert_eq!(fs::read(&dark).unwrap(), kept);
+    assert!(at("even/.capture/flat.json").exists());
+    // A camera that develops its frames has none to correct, and that is said before anything is made.
+    let output = run(&folder, &format!("{RIG}{DEVELOPED}[session]\nflat-frames = 1\n"), "--out none");
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.code() == Some(1) && said.contains("raw = true"), "{said}");
+    assert!(!at("none").exists());
+}
