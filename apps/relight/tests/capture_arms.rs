@@ -185,6 +185,13 @@ fn arms_elsewhere_and_rigs_that_lack_something_are_told_with_the_mend() {
     assert!(fail(&folder, &format!("{bare} --out scene")).contains("add a table [photographs]"));
     fs::write(&file, text.replace("\"virtual\"", "\"folder\"\nfolder = \".\"\nsize = [4, 3]")).unwrap();
     assert!(fail(&folder, &format!("{bare} --out scene")).contains("add a table [lens]"));
+    if !cfg!(feature = "gige") {
+        let camera = "\"gige\"\nserial = \"21\"\nsize = [4, 3]\nexposure-microseconds = 9\n[lens]\nfocal-pixels = [5, 5]";
+        fs::write(&file, text.replace("\"virtual\"", camera)).unwrap();
+        let error = fail(&folder, &format!("{bare} --out scene"));
+        assert!(error.contains("built without GigE Vision") && error.contains("--features gige"), "{error}");
+        assert!(succeed(&folder, &format!("{bare} --out scene --dry-run")).contains("of 4x3 pixels"));
+    }
     fs::write(&file, format!("{text}\n[motions]\n")).unwrap();
     assert!(fail(&folder, &format!("{RUN} --out scene")).contains("did you mean `motion`?"));
 }

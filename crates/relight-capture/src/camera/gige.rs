@@ -55,18 +55,24 @@ impl GigeCamera {
             })
         };
         let size = (side("Width")?, side("Height")?);
+        let [width, height] = settings.size;
+        if size != (width, height) {
+            let problem = format!("{}: its image is {}x{}, not {width}x{height}", device.ip, size.0, size.1);
+            let mend = "Give its size in the rig file, or set the camera to that one by its maker's program.";
+            return Err(CameraError::Failed { problem, mend });
+        }
         let stream = start(&mut camera, settings).map_err(|error| CameraError::Failed {
             problem: format!("{}: no stream: {error}", device.ip),
-            mend: "Let UDP from the camera through the firewall, and lower packet_size.",
+            mend: "Let UDP from the camera through the firewall, and lower packet-size.",
         })?;
         Ok(GigeCamera {
             stream,
             camera,
             size,
             pattern: settings.pattern,
-            exposure_us: settings.exposure_us,
+            exposure_us: settings.exposure_microseconds,
             multiple: 1.0,
-            patience: Duration::from_secs_f64(settings.patience_s),
+            patience: Duration::from_secs_f64(settings.patience_seconds),
         })
     }
 
@@ -172,7 +178,7 @@ fn set(camera: &mut Genicam<GigeRegisterIo>, settings: &GigeSettings) -> Result<
     }
     camera.set_enum("PixelFormat", pixel_format(settings.pattern).1)?;
     camera.set_acquisition_mode("Continuous")?;
-    camera.set_exposure_time(settings.exposure_us)?;
+    camera.set_exposure_time(settings.exposure_microseconds)?;
     if let Some(gain) = settings.gain {
         camera.set_gain(gain)?;
     }
@@ -186,7 +192,7 @@ fn start(camera: &mut Genicam<GigeRegisterIo>, settings: &GigeSettings) -> Resul
     if let Some(size) = settings.packet_size {
         options = options.packet_size(size);
     }
-    if let Some(delay) = settings.packet_delay_us {
+    if let Some(delay) = settings.packet_delay_microseconds {
         options = options.packet_delay(Duration::from_secs_f64(delay * 1e-6));
     }
     let mut stream = camera.open_stream(options)?;

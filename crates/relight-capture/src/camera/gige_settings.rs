@@ -7,9 +7,9 @@ use serde::{Deserialize, Serialize};
 use super::{BayerPattern, Camera, CameraError};
 
 /// A GigE Vision camera: which one, and all that stays as it is for a whole session. Written as a table of a rig file, where
-/// only the exposure and one of `address` and `serial` have to stand.
+/// only the exposure, the size and one of `address` and `serial` have to stand.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub struct GigeSettings {
     /// The camera's IPv4 address.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -17,8 +17,10 @@ pub struct GigeSettings {
     /// The serial number that is printed on it, looked for on all networks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub serial: Option<String>,
+    /// Width and height of its image, pixels, as they are set in the camera.
+    pub size: [u32; 2],
     /// Exposure, microseconds.
-    pub exposure_us: f64,
+    pub exposure_microseconds: f64,
     /// Gain, in the camera's own unit: decibels by the standard names, a number of the maker's under `GainRaw`. Left out, the
     /// camera's own gain stays, with its automatic switched off.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -28,14 +30,14 @@ pub struct GigeSettings {
     pub pattern: BayerPattern,
     /// How long a photograph may take to arrive beside its exposure, seconds.
     #[serde(default = "two")]
-    pub patience_s: f64,
+    pub patience_seconds: f64,
     /// Largest packet of the stream, bytes with headers: 1500 goes through any network, 9000 where all of it has jumbo frames.
     /// Left out, as the camera is set.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub packet_size: Option<u32>,
     /// Pause between packets, microseconds, for several cameras on one link or a host that loses packets.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub packet_delay_us: Option<f64>,
+    pub packet_delay_microseconds: Option<f64>,
 }
 
 fn rggb() -> BayerPattern {
@@ -70,11 +72,11 @@ impl GigeSettings {
             return failed("neither or both of address and serial are given".to_owned(), mend);
         }
         let ranges = [
-            ("exposure_us", Some(self.exposure_us), 1.0, 6e7),
+            ("exposure-microseconds", Some(self.exposure_microseconds), 1.0, 6e7),
             ("gain", self.gain, 0.0, 1e6),
-            ("patience_s", Some(self.patience_s), 0.01, 600.0),
-            ("packet_size", self.packet_size.map(f64::from), 576.0, 16_260.0),
-            ("packet_delay_us", self.packet_delay_us, 0.0, 1e5),
+            ("patience-seconds", Some(self.patience_seconds), 0.01, 600.0),
+            ("packet-size", self.packet_size.map(f64::from), 576.0, 16_260.0),
+            ("packet-delay-microseconds", self.packet_delay_microseconds, 0.0, 1e5),
         ];
         for (name, value, low, high) in ranges {
             if let Some(value) = value.filter(|value| !(low..=high).contains(value)) {
@@ -93,24 +95,27 @@ mod tests {
     use super::*;
 
     fn read(text: &str) -> Result<GigeSettings, toml::de::Error> {
-        toml::from_str(text)
+        toml::from_str(&format!("exposure-microseconds = 9000.0\nsize = [1440, 1080]\n{text}"))
     }
 
     #[test]
     fn little_has_to_be_said_and_nonsense_is_refused() {
-        let settings = read("address = \"10.0.0.7\"\nexposure_us = 12000.0").unwrap();
-        assert_eq!((settings.pattern, settings.patience_s, settings.gain), (BayerPattern::Rggb, 2.0, None));
+        let settings = read("address = \"10.0.0.7\"").unwrap();
+        assert_eq!(
+            (settings.pattern, settings.patience_seconds, settings.gain),
+            (BayerPattern::Rggb, 2.0, None)
+        );
         assert!(settings.check().is_ok());
-        let again: GigeSettings = read(&toml::to_string(&settings).unwrap()).unwrap();
+        let again: GigeSettings = toml::from_str(&toml::to_string(&settings).unwrap()).unwrap();
         assert_eq!(again, settings);
-        assert!(read("address = \"10.0.0.7\"\nexposure_us = 1.0\nexposure = 3").is_err());
-        assert!(read("address = \"10.0.0.700\"\nexposure_us = 1.0").is_err());
+        assert!(read("address = \"10.0.0.7\"\nexposure = 3").is_err());
+        assert!(read("address = \"10.0.0.700\"").is_err());
         for (text, problem) in [
-            ("exposure_us = 9.0", "neither or both"),
-            ("address = \"10.0.0.7\"\nserial = \"21\"\nexposure_us = 9.0", "neither or both"),
-            ("serial = \"21\"\nexposure_us = nan", "exposure_us is NaN, not 1 to 60000000"),
-            ("serial = \"21\"\nexposure_us = 9.0\npacket_size = 10", "packet_size is 10"),
-            ("serial = \"21\"\nexposure_us = 9.0\ngain = -1.0", "gain is -1"),
+            ("gain = 1.0", "neither or both"),
+            ("address = \"10.0.0.7\"\nserial = \"21\"", "neither or both"),
+            ("serial = \"21\"\npatience-seconds = nan", "patience-seconds is NaN, not 0.01 to 600"),
+            ("serial = \"21\"\npacket-size = 10", "packet-size is 10"),
+            ("serial = \"21\"\ngain = -1.0", "gain is -1"),
         ] {
             let error = read(text).unwrap().open().err().unwrap().to_string();
             assert!(error.contains(problem), "{error}");
@@ -120,7 +125,7 @@ mod tests {
     #[cfg(not(feature = "gige"))]
     #[test]
     fn a_program_without_gige_says_so() {
-        let error = read("serial = \"21\"\nexposure_us = 9.0").unwrap().open().err().unwrap().to_string();
+        let error = read("serial = \"21\"").unwrap().open().err().unwrap().to_string();
         assert!(error.contains("--features gige"), "{error}");
     }
 }

@@ -9,7 +9,7 @@ use serde::Deserialize;
 use super::arms_rig::Pace;
 use super::error::SetupError;
 use super::suggestion::with_suggestion;
-use crate::camera::Development;
+use crate::camera::{Development, GigeSettings};
 use crate::kinematics::ArmsSettings;
 use crate::robot::JointSpeed;
 use crate::session::Care;
@@ -96,12 +96,25 @@ pub enum Photographs {
         /// Width and height, pixels.
         size: [u32; 2],
     },
+    /// A camera that speaks GigE Vision; the program has to be built with the feature `gige`.
+    Gige(GigeSettings),
     /// The path tracer, from where the arms stand.
     Virtual {
         /// Whether it gives raw frames, with what dark and flat frames take away, and no developed ones.
         #[serde(default)]
         raw: bool,
     },
+}
+
+impl Photographs {
+    /// Width and height of a real camera's photographs, pixels; virtual ones are of any size.
+    pub fn size(&self) -> Option<[u32; 2]> {
+        match self {
+            Photographs::Folder { size, .. } => Some(*size),
+            Photographs::Gige(settings) => Some(settings.size),
+            Photographs::Virtual { .. } => None,
+        }
+    }
 }
 
 fn patience() -> f64 {
@@ -172,11 +185,13 @@ impl RigFile {
             Err(format!("{key} {seconds}: it must be from 0 to {LONGEST_WAIT}"))
         };
         wait("[motion] settle-seconds", settle_seconds)?;
-        if let Some(Photographs::Folder { patience_seconds, size, .. }) = &self.photographs {
+        if let Some(Photographs::Folder { patience_seconds, .. }) = &self.photographs {
             wait("[photographs] patience-seconds", *patience_seconds)?;
-            if size.contains(&0) || size.iter().any(|side| *side > 1 << 15) {
-                return Err(format!("[photographs] size {size:?}: give width and height in pixels"));
-            }
+        }
+        if let Some(size) = self.photographs.as_ref().and_then(Photographs::size)
+            && (size.contains(&0) || size.iter().any(|side| *side > 1 << 15))
+        {
+            return Err(format!("[photographs] size {size:?}: give width and height in pixels"));
         }
         if (self.session.dark_frames > 0 || self.session.flat_frames > 0)
             && let Some(Photographs::Folder { .. } | Photographs::Virtual { raw: false }) = self.photographs
@@ -269,6 +284,10 @@ mod tests {
                 "[photographs]\nfrom = \"folder\"\nfolder = \"x\"\nsize = [4, 3]\npatience = 3",
                 "did you mean `patience-seconds`?",
             ),
+            (
+                "[photographs]\nfrom = \"gige\"\nserial = \"21\"\nsize = [4, 3]\nexposure-microsecond = 9",
+                "did you mean `exposure-microseconds`?",
+            ),
             ("[arms.camera]\nmodel = \"ur5\"\nbase-metres = [0, 0, 0]", "did you mean `ur5e`?"),
         ] {
             let error = read(text).unwrap_err();
@@ -286,6 +305,10 @@ mod tests {
             ("[motion]\nsettle-seconds = -1", "settle-seconds -1"),
             ("[photographs]\nfrom = \"folder\"\nfolder = \"x\"\nsize = [0, 3]", "size [0, 3]"),
             ("[lens]\nfocal-pixels = [1, 0]", "focal-pixels"),
+            (
+                "[photographs]\nfrom = \"gige\"\nserial = \"21\"\nsize = [0, 3]\nexposure-microseconds = 9",
+                "size [0, 3]",
+            ),
             ("[session]\ndark-frames = 2\n[photographs]\nfrom = \"virtual\"", "raw = true"),
             ("[development]\nwhite-balance = [1, 0, 1]", "white-balance"),
             ("[development]\nblack-level = 255", "black-level"),

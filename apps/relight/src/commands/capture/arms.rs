@@ -126,15 +126,20 @@ impl Session<'_> {
         Ok(prepared.shots(file, self.calibrated_lens(&calibration.intrinsics)?, poses))
     }
 
+    /// The size of a real camera's photographs.
+    fn size(&self) -> Option<[u32; 2]> {
+        self.job.file.photographs.as_ref().and_then(Photographs::size)
+    }
+
     fn uncalibrated_lens(&self) -> anyhow::Result<Intrinsics> {
-        match &self.job.file.photographs {
-            Some(Photographs::Folder { size, .. }) => self.job.rough_lens(*size),
-            _ => Ok(self.job.virtual_capture.lens()),
+        match self.size() {
+            Some(size) => self.job.rough_lens(size),
+            None => Ok(self.job.virtual_capture.lens()),
         }
     }
 
     fn calibrated_lens(&self, lens: &Intrinsics) -> anyhow::Result<Intrinsics> {
-        let Some(Photographs::Folder { size: [width, height], .. }) = self.job.file.photographs else {
+        let Some([width, height]) = self.size() else {
             let capture = &self.job.virtual_capture;
             return Ok(lens.resized(capture.width, capture.height));
         };
@@ -201,10 +206,7 @@ impl Session<'_> {
             self.prepared.shots(&self.job.file, lens.clone(), |arm, label| itinerary.pose(arm, label));
         let mut rig = self.rig(arms, Box::new(NoEye))?;
         let walked = walk(&mut rig, &shots, &mut |_| ControlFlow::Continue(()))?;
-        let size = match &self.job.file.photographs {
-            Some(Photographs::Folder { size, .. }) => *size,
-            _ => [lens.width, lens.height],
-        };
+        let size = self.size().unwrap_or([lens.width, lens.height]);
         print_line(&headline(shots.view_order.len(), shots.light_order.len(), size))?;
         for line in self.prepared.left_out() {
             print_line(&line)?;

@@ -6,13 +6,14 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail, ensure};
-use relight_capture::camera::FolderCamera;
+use relight_capture::camera::{Camera, FolderCamera};
 use relight_capture::rig::{AttendedCamera, Eye, HandRig, Photographs, RigFile};
 use relight_capture::session::{self, Ending, Rig, STATE, Shots, Subject};
 use relight_capture::trajectory::Plan;
 use relight_capture::virtual_rig::VirtualCapture;
 use relight_capture::virtual_rig::objects::ALL;
 use relight_scene::Intrinsics;
+use serde_json::json;
 
 use super::{arms, attendant};
 use crate::commands::render::size;
@@ -97,6 +98,12 @@ folder = \"shots\"                       # beside the rig file\n  \
 command = [\"gphoto2\", \"--capture-image-and-download\"]    # what shoots; nothing: somebody does\n  \
 patience-seconds = 30.0\n  \
 size = [1440, 1080]\n\n  \
+[photographs]                          # or a camera that speaks GigE Vision (a build with --features gige)\n  \
+from = \"gige\"\n  \
+address = \"192.168.1.20\"               # or serial = \"21234567\"\n  \
+size = [1440, 1080]                    # as it is set in the camera\n  \
+exposure-microseconds = 12000.0        # fixed for the session\n  \
+# gain, pattern = \"rggb\", patience-seconds, packet-size = 1500, packet-delay-microseconds\n\n  \
 [lens]                                 # roughly, for sessions without --calibration\n  \
 focal-pixels = [2350.0, 2350.0]\n  \
 centre-pixels = [719.5, 539.5]\n\n  \
@@ -181,16 +188,16 @@ impl Job<'_> {
     /// A real camera, and somebody who moves it.
     fn by_hand(&self, quiet: bool) -> anyhow::Result<()> {
         let plan = Plan::new(&self.file.plan_settings()).with_context(|| self.args.rig.clone())?;
-        let Some(Photographs::Folder { size, .. }) = &self.file.photographs else {
-            bail!(
-                "{}: --skip-robots wants a real camera; add a table [photographs] with from = \"folder\"",
+        let size = self.file.photographs.as_ref().and_then(Photographs::size).with_context(|| {
+            format!(
+                "{}: --skip-robots wants a real camera; add a table [photographs] with from = \"folder\" or \"gige\"",
                 self.args.rig
-            );
-        };
+            )
+        })?;
         if self.args.dry_run {
-            return rehearse(&plan, *size);
+            return rehearse(&plan, size);
         }
-        let intrinsics = self.rough_lens(*size)?;
+        let intrinsics = self.rough_lens(size)?;
         let eye = self.real_eye()?;
         let [cameras, lights] =
             [&plan.camera, &plan.light].map(|t| t.waypoints.iter().map(|w| w.pose).collect::<Vec<_>>());
@@ -293,7 +300,10 @@ impl Job<'_> {
             Some(Photographs::Folder { folder, command, patience_seconds, size: [width, height] }) => {
                 let patience = Duration::try_from_secs_f64(*patience_seconds)?;
                 let camera = FolderCamera::new(folder, command.clone(), patience, (*width, *height))?;
-                Ok(Box::new(AttendedCamera::new(Box::new(camera), Box::new(attendant::show))))
+                Ok(attended(Box::new(camera)))
+            }
+            Some(Photographs::Gige(settings)) => {
+                Ok(attended(settings.open().with_context(|| self.args.rig.clone())?))
             }
             Some(Photographs::Virtual { .. }) | None => {
                 bail!(
@@ -318,14 +328,23 @@ impl Job<'_> {
     /// What a session with a real camera is.
     pub fn subject(&self, shots: &Shots) -> Subject {
         let lens = &shots.intrinsics;
-        Subject::from_iter([
+        let mut subject = Subject::from_iter([
             ("rig".to_owned(), self.args.rig.clone().into()),
             ("object".to_owned(), self.args.object.clone().into()),
             ("size".to_owned(), format!("{}x{}", lens.width, lens.height).into()),
             ("white balance".to_owned(), format!("{:?}", shots.development.white_balance).into()),
             ("black level".to_owned(), f64::from(shots.development.black_level).into()),
-        ])
+        ]);
+        if let Some(Photographs::Gige(settings)) = &self.file.photographs {
+            subject.insert(session::CAMERA.to_owned(), json!(settings));
+        }
+        subject
     }
+}
+
+/// A real camera, and somebody at the terminal.
+fn attended(camera: Box<dyn Camera>) -> Box<dyn Eye> {
+    Box::new(AttendedCamera::new(camera, Box::new(attendant::show)))
 }
 
 /// Tells what would be shot without arms.

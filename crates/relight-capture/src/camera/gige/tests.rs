@@ -33,12 +33,13 @@ fn settings() -> GigeSettings {
     GigeSettings {
         address: Some(Ipv4Addr::LOCALHOST),
         serial: None,
-        exposure_us: 5000.0,
+        size: [512, 512],
+        exposure_microseconds: 5000.0,
         gain: Some(0.0),
         pattern: BayerPattern::Rggb,
-        patience_s: 2.0,
+        patience_seconds: 2.0,
         packet_size: Some(1500),
-        packet_delay_us: None,
+        packet_delay_microseconds: None,
     }
 }
 
@@ -75,6 +76,8 @@ fn a_fake_camera_shoots_and_its_loss_is_told() {
     for _ in 0..20 {
         assert_eq!(raw(camera.shoot().unwrap()).len(), (camera.size.0 * camera.size.1) as usize);
     }
+    let error = GigeCamera::open(&GigeSettings { size: [640, 480], ..settings() }).err().unwrap();
+    assert!(error.to_string().contains("not 640x480"), "{error}");
     let other = GigeSettings { serial: Some("NO-SUCH".to_owned()), ..by_serial };
     let error = GigeCamera::open(&other).err().unwrap().to_string();
     assert!(error.contains("NO-SUCH; found: RELIGHT-7 at 127.0.0.1"), "{error}");
