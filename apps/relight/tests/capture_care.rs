@@ -7,7 +7,7 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
-use relight_scene::Scene;
+use relight_scene::{Image, Scene};
 use tempfile::TempDir;
 
 const RUN: &str = "capture run --rig rig.toml --object wheel --size 48x36 --samples 4";
@@ -89,4 +89,56 @@ fn dark_and_flat_frames_take_out_of_raw_photographs_what_is_the_cameras() {
     let said = String::from_utf8(output.stderr).unwrap();
     assert!(output.status.code() == Some(1) && said.contains("raw = true"), "{said}");
     assert!(!at("none").exists());
+}
+
+/// A rig without arms of two views and two lights, whose camera is a script in the folder of its photographs.
+fn by_hand(folder: &TempDir, script: &str, session: &str) -> String {
+    fs::create_dir_all(folder.path().join("shots")).unwrap();
+    fs::write(folder.path().join("shoot.sh"), script).unwrap();
+    format!(
+        "[camera]\nwaypoints = 2\ncolatitude-degrees = [48, 68]\nradius-metres = [0.6, 0.6]\n\
+         [light]\nwaypoints = 2\ncolatitude-degrees = [5, 43]\nradius-metres = [0.3, 0.4]\n\
+         [lens]\nfocal-pixels = [60, 60]\n\
+         [photographs]\nfrom = \"folder\"\nfolder = \"shots\"\nsize = [32, 24]\n\
+         command = [\"sh\", \"../shoot.sh\"]\n\
+         [session]\n{session}\n"
+    )
+}
+
+const BY_HAND: &str = "capture run --rig rig.toml --object cup --out scene --skip-robots";
+
+/// Waves that are shifted to the right.
+fn waves(shift: f64) -> Image {
+    let places = (0..24).flat_map(|y| (0..32).map(move |x| (f64::from(x), f64::from(y))));
+    let level = |(x, y): (f64, f64)| (120.0 + 80.0 * (0.6 * (x - shift)).sin() * (0.5 * y).cos()) as u8;
+    Image { width: 32, height: 24, data: places.flat_map(|place| [level(place); 3]).collect() }
+}
+
+#[test]
+fn a_session_stops_where_something_moved_and_shoots_it_again() {
+    let folder = folder();
+    let script = "n=$(ls | wc -l)\nif [ $n -lt 2 ] || [ -e ../calm ]; then cp ../before.png $n.png\n\
+                  else cp ../after.png $n.png; fi\n";
+    let rig = by_hand(&folder, script, "movement = true\nwhen-moved = \"stop\"");
+    waves(0.0).write_png(&folder.path().join("before.png")).unwrap();
+    waves(0.7).write_png(&folder.path().join("after.png")).unwrap();
+    fs::write(folder.path().join("rig.toml"), rig).unwrap();
+    let shoot = |more: &str| command(folder.path(), &format!("{BY_HAND} {more}")).output().unwrap();
+    let fail = |more: &str| {
+        let output = shoot(more);
+        assert_eq!(output.status.code(), Some(1));
+        String::from_utf8(output.stderr).unwrap()
+    };
+    for more in ["", "--resume"] {
+        let error = fail(more);
+        assert!(error.contains("something moved") && error.contains("--reshoot moved"), "{error}");
+    }
+    let journal = || fs::read_to_string(folder.path().join("scene/.capture/journal.jsonl")).unwrap();
+    assert_eq!(journal().lines().count(), 1 + 2);
+    fs::write(folder.path().join("calm"), "").unwrap();
+    let output = shoot("--resume --reshoot moved");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert_eq!(journal().lines().count(), 1 + 4);
+    let checks = fs::read_to_string(folder.path().join("scene/.capture/checks.jsonl")).unwrap();
+    assert!(checks.lines().count() == 1 + 2 && !checks.contains("\"moved\":true"), "{checks}");
 }

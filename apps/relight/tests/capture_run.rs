@@ -78,6 +78,33 @@ fn so_does_one_with_arms() {
 }
 
 #[test]
+fn photographs_are_taken_again_on_request() {
+    let folder = folder();
+    let small = format!("{SMALL} --skip-robots --out scene");
+    assert!(run(&folder, &small).status.success());
+    let scene = folder.path().join("scene");
+    let but_the_journal = || {
+        let mut files = contents(&scene);
+        files.remove(".capture/journal.jsonl");
+        files
+    };
+    let shot = but_the_journal();
+    // Somebody was at a photograph.
+    fs::write(scene.join("lset003/data/00002_image.png"), "smudge").unwrap();
+    let error = fail(&folder, &format!("{small} --resume"));
+    assert!(error.contains("00002_image.png") && error.contains("--reshoot 2,3"), "{error}");
+    assert!(run(&folder, &format!("{small} --resume --reshoot 2,3 --reshoot 4")).status.success());
+    assert!(but_the_journal() == shot);
+    let error = fail(&folder, &format!("{small} --resume --reshoot 6"));
+    assert!(error.contains("view 6 was not shot yet"), "{error}");
+    let elsewhere = small.replace("--out scene", "--out elsewhere");
+    assert!(fail(&folder, &format!("{elsewhere} --resume --reshoot moved")).contains("holds no session"));
+    for wrong in ["--reshoot 2,3", "--resume --reshoot 2,"] {
+        assert_eq!(run(&folder, &format!("{small} {wrong}")).status.code(), Some(2), "{wrong}");
+    }
+}
+
+#[test]
 fn sessions_are_not_mixed_up_and_nothing_is_made_in_vain() {
     let folder = folder();
     let dry = run(&folder, &format!("{SMALL} --out scene --dry-run"));

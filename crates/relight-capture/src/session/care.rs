@@ -21,10 +21,28 @@ pub struct Care {
     pub exr: bool,
     /// How often a photograph is taken anew until it agrees with the one before; 0: the first counts.
     pub settle_tries: u32,
-    /// Whether a view's first photograph is taken again at its end, to see that neither object nor camera moved.
+    /// Whether a view's first photograph is taken again at its end, and where a session goes on in the midst of it, to see that
+    /// neither object nor camera moved.
     pub movement: bool,
+    /// After how many photographs of a view it is taken again besides; 0: never.
+    pub movement_every: u32,
+    /// What follows if something moved.
+    pub when_moved: WhenMoved,
     /// A factor for each light that evens out how bright the lamp was, see [`gains`](super::gains); empty: none.
     pub light_gains: Vec<f32>,
+}
+
+/// What follows if something moved while a view was shot.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum WhenMoved {
+    /// The session goes on, and names the view's frames at its end.
+    #[default]
+    Tell,
+    /// The session ends.
+    Stop,
+    /// The view is shot again; if something moves then too, and once more, the session ends.
+    Reshoot,
 }
 
 impl Care {
@@ -48,6 +66,9 @@ impl Care {
         }
         if self.settle_tries > 1000 {
             return wrong(format!("settle-tries is {}; give at most 1000", self.settle_tries));
+        }
+        if !self.movement && (self.movement_every > 0 || self.when_moved != WhenMoved::Tell) {
+            return wrong("movement-every and when-moved want movement = true".to_owned());
         }
         if let Some(multiple) = self.exposures.iter().find(|m| !(1e-4..=1e4).contains(*m)) {
             return wrong(format!("exposures holds {multiple}; give multiples of 0.0001 to 10000"));

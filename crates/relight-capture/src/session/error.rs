@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use relight_scene::SceneError;
 
+use super::reshoot::Reshoot;
 use super::stillness::Change;
 use crate::camera::CameraError;
 
@@ -93,6 +94,23 @@ pub enum SessionError {
         tries: u32,
         /// How the last two photographs differ.
         change: Change,
+    },
+    /// Something moved, and the session is to end then.
+    #[error(
+        "view {0}: something moved while it was shot. Look after object, camera and tripods, then shoot the view again: --resume \
+         --reshoot moved"
+    )]
+    Moved(usize),
+    /// There is no session whose photographs could be taken again.
+    #[error("{}: holds no session, so that nothing can be shot again. Name the folder of one, or begin it without --reshoot.", .0.display())]
+    NothingToReshoot(PathBuf),
+    /// A photograph that was never taken cannot be taken again.
+    #[error("{}: {which} was not shot yet, and need not be asked for: --resume alone shoots what is missing.", out.display())]
+    NeverShot {
+        /// The session's folder.
+        out: PathBuf,
+        /// What was asked for.
+        which: Reshoot,
     },
     /// Dark or flat frames cannot be had or do not fit.
     #[error("{target} frames: {fault}")]

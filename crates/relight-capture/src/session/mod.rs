@@ -13,37 +13,37 @@ mod light_gain;
 mod photograph;
 mod quality;
 mod references;
+mod reshoot;
 mod sheet;
+mod shooting;
 mod state;
 mod stillness;
 
 use std::collections::BTreeSet;
 use std::io::Write;
 use std::ops::ControlFlow;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use relight_scene::{
-    Image, Intrinsics, Pose, ReneWriter, Scene, Splits, read_bytes, read_image, write_whole,
-};
+use relight_scene::{Intrinsics, Pose, ReneWriter, Scene, Splits, write_whole};
 
 use crate::camera::{CameraError, Development, Frame};
 
-pub use care::Care;
+pub use care::{Care, WhenMoved};
 pub use error::{RigFault, SessionError};
 pub use journal::{Check, Entry, Journal, Line, Log};
 pub use light_gain::gains;
 use photograph::Photographer;
 pub use quality::{brightness, sharpness};
 pub use references::{CAMERA, Target};
+pub use reshoot::{Reshoot, forget};
 pub use sheet::SHEET;
 use sheet::Sheet;
+use shooting::Shooting;
 pub use state::{STATE, Subject};
 pub use stillness::{Change, compare};
 
 /// Which views were checked for movement, in the folder [`STATE`].
 const CHECKS: &str = "checks.jsonl";
-/// The longest image file that is checked, bytes.
-const LONGEST_IMAGE: u64 = 1 << 28;
 
 /// What a session drives.
 pub trait Rig {
@@ -128,7 +128,7 @@ pub enum Ending {
     Complete {
         /// Pairs of view and light whose photographs are blurred beside the others of their view.
         blurred: Vec<(usize, usize)>,
-        /// Pairs of view and light during whose view the object or the camera moved, see [`forget_moved`].
+        /// Pairs of view and light during whose view the object or the camera moved, see [`forget`].
         moved: Vec<(usize, usize)>,
     },
     /// It was told to stop, and can be resumed.
@@ -166,86 +166,43 @@ pub fn capture_with(
     progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<Ending, SessionError> {
     care.check(shots.lights.len())?;
-    let mut journal = state::open(out, subject, shots, care, resume)?;
-    let mut checks = if care.movement { Some(open_checks(out)?) } else { None };
+    let journal = state::open(out, subject, shots, care, resume)?;
+    let checks = if care.movement { Some(open_checks(out)?) } else { None };
     let writer = ReneWriter::create(out, &shots.intrinsics, shots.cameras.clone(), &shots.lights)?;
     let (mut on_disk, mut sheet) = (BTreeSet::new(), Sheet::new(shots));
     for entry in journal.entries() {
-        sheet.put(entry.view, entry.light, &reread(&writer, entry)?);
+        sheet.put(entry.view, entry.light, &shooting::reread(&writer, entry)?);
         on_disk.insert((entry.view, entry.light));
     }
     let correction = references::correction(rig, shots, care, subject, out)?;
-    let photographer = Photographer { shots, care, correction };
-    let total = shots.view_order.len() * shots.light_order.len();
     let resumed = on_disk.len();
-    for (i, &view) in shots.view_order.iter().enumerate() {
-        let lights = shots.lights_of(i);
-        let mut arrived = false;
-        for &light in &lights {
-            if on_disk.contains(&(view, light)) {
-                continue;
-            }
-            let now = Progress { done: on_disk.len(), resumed, total };
-            if progress(now).is_break() {
-                return Ok(Ending::Stopped);
-            }
-            go(rig, &mut arrived, view, light)?;
-            let photograph = photographer.take(rig, view, light)?;
-            if care.exr
-                && let Some(light_of_it) = &photograph.light
-            {
-                hdr_file::write(&hdr_file::path(out, view, light), light_of_it)?;
-            }
-            keep(&writer, &mut journal, (view, light), &photograph.image)?;
-            sheet.put(view, light, &photograph.image);
-            on_disk.insert((view, light));
-            sheet.live(out, Progress { done: on_disk.len(), ..now })?;
-        }
-        if let (Some(checks), Some(&first)) = (&mut checks, lights.first())
-            && checks.get(view, first).is_none()
-            && let Some(entry) = journal.get(view, first)
-        {
-            go(rig, &mut arrived, view, first)?;
-            let again = photographer.take(rig, view, first)?.image;
-            let change = compare(&reread(&writer, entry)?, &again);
-            if change.moved() {
-                tracing::warn!("view {view}: something moved while it was shot: {change}");
-            }
-            let Change { shift, brighter, .. } = change;
-            checks.add(Check { view, light: first, moved: change.moved(), shift, brighter })?;
-        }
+    let mut shooting = Shooting {
+        rig,
+        photographer: Photographer { shots, care, correction },
+        out,
+        writer,
+        journal,
+        checks,
+        sheet,
+        on_disk,
+        resumed,
+    };
+    if !shooting.run(progress)? {
+        return Ok(Ending::Stopped);
     }
-    // Nothing is left to be stopped.
-    let _ = progress(Progress { done: total, resumed, total });
     finish(out)?;
+    let Shooting { sheet, journal, checks, .. } = shooting;
     sheet.write(out)?;
     let moved = checks.iter().flat_map(|checks| frames_of_moved(checks, &journal)).collect();
     Ok(Ending::Complete { blurred: blurred(shots, &journal), moved })
 }
 
-/// Forgets all frames of views during which something moved, so that the session, when it is resumed, shoots them again.
-/// Tells which they are.
-///
-/// # Errors
-/// If the session's files cannot be read or written.
-pub fn forget_moved(out: &Path) -> Result<Vec<(usize, usize)>, SessionError> {
-    // A folder without a session is left as it is.
-    if !out.join(STATE).join(CHECKS).is_file() {
-        return Ok(Vec::new());
-    }
-    let (mut journal, mut checks) =
-        (Journal::open(&out.join(STATE).join(state::JOURNAL))?, open_checks(out)?);
-    let moved: BTreeSet<(usize, usize)> = frames_of_moved(&checks, &journal).collect();
-    let views: BTreeSet<usize> =
-        checks.entries().filter(|check| check.moved).map(|check| check.view).collect();
-    // Killed in between, the views are still known to have moved.
-    journal.retain(|entry| !views.contains(&entry.view))?;
-    checks.retain(|check| !check.moved)?;
-    Ok(moved.into_iter().collect())
+fn checks_of(out: &Path) -> PathBuf {
+    out.join(STATE).join(CHECKS)
 }
 
 fn open_checks(out: &Path) -> Result<Log<Check>, SessionError> {
-    Log::open(&out.join(STATE).join(CHECKS))
+    Log::open(&checks_of(out))
 }
 
 /// All frames of views during which something moved.
@@ -253,43 +210,6 @@ fn frames_of_moved(checks: &Log<Check>, journal: &Journal) -> impl Iterator<Item
     let moved: BTreeSet<usize> =
         checks.entries().filter(|check| check.moved).map(|check| check.view).collect();
     journal.entries().map(Line::key).filter(move |(view, _)| moved.contains(view))
-}
-
-/// Brings the rig to a view, unless it is there, and to a light.
-fn go(rig: &mut dyn Rig, arrived: &mut bool, view: usize, light: usize) -> Result<(), SessionError> {
-    let failed = |fault| SessionError::Rig { view, light, fault };
-    if !*arrived {
-        rig.view(view).map_err(failed)?;
-        *arrived = true;
-    }
-    rig.light(light).map_err(failed)
-}
-
-/// A photograph that is on disk already. A session whose images are no longer what they were is refused: somebody else
-/// was at them.
-fn reread(writer: &ReneWriter, entry: &Entry) -> Result<Image, SessionError> {
-    let path = writer.image_path(entry.view, entry.light);
-    if crc32fast::hash(&read_bytes(&path, LONGEST_IMAGE)?) == entry.crc32 {
-        return Ok(read_image(&path)?);
-    }
-    let problem = format!(
-        "is not what was shot. Remove the line of view {} and light {} from the journal, and it is shot again.",
-        entry.view, entry.light
-    );
-    Err(SessionError::Other { path, problem })
-}
-
-/// Puts a photograph on disk, and then into the journal.
-fn keep(
-    writer: &ReneWriter,
-    journal: &mut Journal,
-    (view, light): (usize, usize),
-    image: &Image,
-) -> Result<(), SessionError> {
-    let png = image.png().map_err(SessionError::io(writer.image_path(view, light)))?;
-    writer.write_frame(view, light, &png)?;
-    let (crc32, brightness, sharpness) = (crc32fast::hash(&png), brightness(image), sharpness(image));
-    journal.add(Entry { view, light, crc32, brightness, sharpness })
 }
 
 /// Writes the splits beside the frames.

@@ -1,6 +1,8 @@
 use std::collections::BTreeMap;
 use std::fs;
 
+use relight_scene::Image;
+
 use super::*;
 
 mod care;

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, bail, ensure};
 use relight_capture::camera::{Camera, FolderCamera};
 use relight_capture::rig::{AttendedCamera, Eye, HandRig, Photographs, RigFile};
-use relight_capture::session::{self, Ending, Rig, STATE, Shots, Subject};
+use relight_capture::session::{self, Ending, Reshoot, Rig, STATE, Shots, Subject};
 use relight_capture::trajectory::Plan;
 use relight_capture::virtual_rig::VirtualCapture;
 use relight_capture::virtual_rig::objects::ALL;
@@ -72,6 +72,10 @@ pub struct Args {
     /// Go on with the session in SCENE; begin it if there is none.
     #[arg(long)]
     pub resume: bool,
+    /// Photographs of the session in SCENE to take again: all of the views during which something moved, all of a view, or one;
+    /// may be given several times.
+    #[arg(long, value_name = "moved|VIEW|VIEW,LIGHT", requires = "resume", value_parser = str::parse::<Reshoot>)]
+    pub reshoot: Vec<Reshoot>,
     /// Plan everything and say what would be done; connect to nothing, move nothing, shoot nothing.
     #[arg(long)]
     pub dry_run: bool,
@@ -179,6 +183,7 @@ impl Job<'_> {
         if self.args.dry_run {
             return rehearse(&capture.rehearse()?, [capture.width, capture.height]);
         }
+        self.forget()?;
         let ending = self.follow([capture.views, capture.lights], quiet, &mut |progress| {
             Ok(capture.shoot(&self.args.out, self.args.resume, progress)?)
         })?;
@@ -239,11 +244,21 @@ impl Job<'_> {
         subject: &Subject,
         quiet: bool,
     ) -> anyhow::Result<Ending> {
+        self.forget()?;
         let counts = [shots.view_order.len(), shots.light_order.len()];
         let (out, resume) = (&self.args.out, self.args.resume);
         self.follow(counts, quiet, &mut |progress| {
             Ok(session::capture_with(rig, shots, &self.file.session, subject, out, resume, progress)?)
         })
+    }
+
+    /// Takes out of the journal what is to be shot again.
+    fn forget(&self) -> anyhow::Result<()> {
+        if !self.args.reshoot.is_empty() {
+            let forgotten = session::forget(&self.args.out, &self.args.reshoot)?;
+            tracing::info!("{} photographs are shot again", forgotten.len());
+        }
+        Ok(())
     }
 
     /// Does something long with so many views and lights while its progress is shown.
@@ -288,8 +303,12 @@ impl Job<'_> {
         for (view, light) in blurred {
             tracing::warn!("view {view} under light {light} is blurred beside the others");
         }
+        let any_moved = !moved.is_empty();
         for (view, light) in moved {
             tracing::warn!("view {view} under light {light}: something moved while the view was shot");
+        }
+        if any_moved {
+            tracing::warn!("shoot these again by the same command with --resume --reshoot moved");
         }
         print_line(&format!("{}: {views} views under {lights} lights", out.display()))
     }

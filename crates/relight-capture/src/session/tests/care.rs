@@ -129,6 +129,8 @@ fn everything() -> Care {
         exr: true,
         settle_tries: 4,
         movement: true,
+        movement_every: 2,
+        when_moved: WhenMoved::Tell,
         light_gains: vec![1.0, 1.2, 1.4, 1.6],
     }
 }
@@ -166,9 +168,9 @@ fn careful_sessions_that_were_interrupted_end_as_others_do() {
     let straight = tempfile::tempdir().unwrap();
     let mut rig = Bench { shakes: 1, ..Bench::default() };
     shoot(&mut rig, &everything(), straight.path()).unwrap();
-    // Dark and flat; then three more exposures than one a photograph, one shaken, and one check a view.
+    // Dark and flat; then two more exposures than one a photograph and two for the shaken one; and two checks a view.
     let total = rig.shots;
-    assert_eq!(total, 3 + 2 + (3 * 4 + 3) * (3 + 2));
+    assert_eq!(total, 3 + 2 + (3 * 4 + 3 * 2) * (3 + 2));
     let expected = contents(straight.path());
     for breaks in (1..=total).step_by(5) {
         let folder = tempfile::tempdir().unwrap();
@@ -211,8 +213,8 @@ fn what_moved_is_named_and_shot_again_on_request() {
     let mut idle = Bench::default();
     assert_eq!(shoot(&mut idle, &care, folder.path()).unwrap(), complete(&affected));
     assert_eq!(idle.shots, 0);
-    assert_eq!(forget_moved(folder.path()).unwrap(), affected);
-    assert_eq!(forget_moved(folder.path()).unwrap(), []);
+    assert_eq!(forget(folder.path(), &[Reshoot::Moved]).unwrap(), affected);
+    assert_eq!(forget(folder.path(), &[Reshoot::Moved]).unwrap(), []);
     let mut again = Bench::default();
     assert_eq!(shoot(&mut again, &care, folder.path()).unwrap(), complete(&[]));
     assert_eq!(again.shots, 5);
@@ -223,7 +225,58 @@ fn what_moved_is_named_and_shot_again_on_request() {
             fs::read(folder.path().join(&image)).unwrap()
         );
     }
-    assert_eq!(forget_moved(&folder.path().join("elsewhere")).unwrap(), []);
+    // One by one, and what was never taken not at all.
+    let error = forget(folder.path(), &[Reshoot::Frame(1, 2), Reshoot::View(7)]).unwrap_err().to_string();
+    assert!(error.contains("view 7 was not shot yet"), "{error}");
+    assert_eq!(forget(folder.path(), &[Reshoot::Frame(1, 2)]).unwrap(), [(1, 2)]);
+    let mut once = Bench::default();
+    assert_eq!(shoot(&mut once, &care, folder.path()).unwrap(), complete(&[]));
+    // Before it, since the session was interrupted there, and at the view's end.
+    assert_eq!(once.shots, 3);
+    let error = forget(&folder.path().join("elsewhere"), &[Reshoot::Moved]).unwrap_err().to_string();
+    assert!(error.contains("holds no session"), "{error}");
+    assert_eq!("moved".parse(), Ok(Reshoot::Moved));
+    assert_eq!("4, 17".parse(), Ok(Reshoot::Frame(4, 17)));
+    assert_eq!("4".parse(), Ok(Reshoot::View(4)));
+    assert!("4,".parse::<Reshoot>().is_err() && "-1".parse::<Reshoot>().is_err());
+}
+
+/// The camera is bumped in the midst of a view, before its end or while nobody is there.
+#[test]
+fn what_moved_is_found_as_soon_as_it_can_be_and_the_session_stops_or_shoots_again() {
+    let calm = tempfile::tempdir().unwrap();
+    shoot(&mut Bench::default(), &Care { movement: true, ..Care::default() }, calm.path()).unwrap();
+    let image = |folder: &Path| fs::read(folder.join("lset002/data/00001_image.png")).unwrap();
+    let care =
+        |when_moved, movement_every| Care { movement: true, movement_every, when_moved, ..Care::default() };
+    // After the second photograph of the first view, which has four: the next look is after the third of them.
+    let stopped = tempfile::tempdir().unwrap();
+    let stop = care(WhenMoved::Stop, 3);
+    let mut rig = Bench { bumped: 3, ..Bench::default() };
+    let error = shoot(&mut rig, &stop, stopped.path()).unwrap_err().to_string();
+    assert!(error.contains("view 1: something moved") && error.contains("--reshoot moved"), "{error}");
+    assert_eq!(rig.shots, 4);
+    // It stays so until it is shot again.
+    assert!(shoot(&mut Bench::default(), &stop, stopped.path()).is_err());
+    assert_eq!(forget(stopped.path(), &[Reshoot::Moved]).unwrap(), [(1, 0), (1, 2), (1, 3)]);
+    assert_eq!(shoot(&mut Bench::default(), &stop, stopped.path()).unwrap(), complete(&[]));
+    assert_eq!(image(stopped.path()), image(calm.path()));
+    // Shot again at once, from where the camera stands now; the later views know nothing of it.
+    let again = tempfile::tempdir().unwrap();
+    let mut rig = Bench { bumped: 3, ..Bench::default() };
+    assert_eq!(shoot(&mut rig, &care(WhenMoved::Reshoot, 0), again.path()).unwrap(), complete(&[]));
+    assert_eq!(rig.shots, 5 + 3 * 5);
+    assert_ne!(image(again.path()), image(calm.path()));
+    // Bumped while the session was interrupted: that is seen before anything else is shot.
+    let broken = tempfile::tempdir().unwrap();
+    let stop = care(WhenMoved::Stop, 0);
+    shoot(&mut Bench { breaks: 3, ..Bench::default() }, &stop, broken.path()).unwrap_err();
+    let mut rig = Bench { bumped: 1, ..Bench::default() };
+    let error = shoot(&mut rig, &stop, broken.path()).unwrap_err().to_string();
+    assert!(error.contains("something moved"), "{error}");
+    assert_eq!(rig.shots, 1);
+    let error = shoot(&mut Bench::default(), &Care { movement: false, ..stop }, calm.path()).unwrap_err();
+    assert!(error.to_string().contains("want movement = true"), "{error}");
 }
 
 #[test]
