@@ -142,3 +142,68 @@ fn a_session_stops_where_something_moved_and_shoots_it_again() {
     let checks = fs::read_to_string(folder.path().join("scene/.capture/checks.jsonl")).unwrap();
     assert!(checks.lines().count() == 1 + 2 && !checks.contains("\"moved\":true"), "{checks}");
 }
+
+/// A constant picture of a card that the lamp lights from several places: what differs is all the lamp's.
+const GREY: &str = "cp ../grey.png $(ls | wc -l).png";
+
+#[test]
+fn nobody_is_asked_where_there_is_no_terminal() {
+    let folder = folder();
+    fs::write(folder.path().join("rig.toml"), by_hand(&folder, GREY, "light-gain-frames = 2")).unwrap();
+    let output = command(folder.path(), BY_HAND).output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(
+        said.contains("lay a matt grey card") && said.contains("Begin the session in a terminal"),
+        "{said}"
+    );
+}
+
+/// Somebody at a terminal, which `script` of util-linux makes, lays the card in place and takes it away.
+#[cfg(target_os = "linux")]
+#[test]
+fn somebody_at_a_terminal_shows_the_card_and_the_lamp_is_evened_out() {
+    use std::io::Write;
+
+    let folder = folder();
+    let grey = Image { width: 32, height: 24, data: vec![120; 32 * 24 * 3] };
+    grey.write_png(&folder.path().join("grey.png")).unwrap();
+    fs::write(folder.path().join("rig.toml"), by_hand(&folder, GREY, "light-gain-frames = 2")).unwrap();
+    let shoot = format!("'{}' {BY_HAND}", env!("CARGO_BIN_EXE_relight"));
+    let mut script = Command::new("script");
+    script.args(["-q", "-e", "-c", &shoot, "/dev/null"]).current_dir(folder.path());
+    let mut child = script.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+    // More often than is asked: to show the card, under two lights, to take it away, and four photographs.
+    child.stdin.take().unwrap().write_all(&[b'\n'; 40]).unwrap();
+    let output = child.wait_with_output().unwrap();
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success(), "{said}");
+    let card = said.find("lay a matt grey card flat in the scene's place, its middle at 0 0 0 m").unwrap();
+    assert!(said[card..].contains("put the scene in its place"), "{said}");
+    let scene = Scene::open(&folder.path().join("scene")).unwrap();
+    let text = fs::read_to_string(folder.path().join("scene/.capture/gains.json")).unwrap();
+    let gains: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let gains = [0, 1].map(|light| gains["gains"][light].as_f64().unwrap());
+    // The pictures are alike, so that the lamp must have been brighter from where less of it arrives.
+    let explained = [0, 1].map(|light: usize| {
+        let [x, y, z] = scene.lights[light].pose.position();
+        z / (x * x + y * y + z * z).powf(1.5)
+    });
+    assert!((explained[0] / explained[1] - 1.0).abs() > 0.05, "{explained:?}");
+    assert!((gains[0] / gains[1] - explained[0] / explained[1]).abs() < 1e-4, "{gains:?} {explained:?}");
+    let levels = [0, 1].map(|light| scene.read_frame(scene.frame(0, light).unwrap()).unwrap().data[0]);
+    assert_eq!(levels[0] > levels[1], gains[0] > gains[1], "{levels:?}");
+}
+
+#[test]
+fn the_virtual_rig_lays_the_card_itself_and_its_lamp_is_even() {
+    let folder = folder();
+    let rig = format!("{RIG}{DEVELOPED}[session]\nlight-gain-frames = 1\n");
+    succeed(&folder, &rig, "--out scene");
+    let text = fs::read_to_string(folder.path().join("scene/.capture/gains.json")).unwrap();
+    let gains: serde_json::Value = serde_json::from_str(&text).unwrap();
+    for gain in gains["gains"].as_array().unwrap() {
+        // The floor and walls throw light on the card too, and not alike from everywhere.
+        assert!((gain.as_f64().unwrap() - 1.0).abs() < 0.1, "{gains}");
+    }
+}

@@ -28,8 +28,12 @@ pub struct Care {
     pub movement_every: u32,
     /// What follows if something moved.
     pub when_moved: WhenMoved,
-    /// A factor for each light that evens out how bright the lamp was, see [`gains`](super::gains); empty: none.
+    /// A factor for each light that evens out how bright the lamp was; empty: none.
     pub light_gains: Vec<f32>,
+    /// Photographs a light of a grey card, from which these factors are made at the session's start; 0: none.
+    pub light_gain_frames: u32,
+    /// Where the middle of that card lies, flat, world, metres; the origin if left out.
+    pub card_metres: [f64; 3],
 }
 
 /// What follows if something moved while a view was shot.
@@ -54,12 +58,17 @@ impl Care {
             || self.tone.is_some()
             || self.exr
             || !self.light_gains.is_empty()
+            || self.light_gain_frames > 0
     }
 
     /// Refuses what cannot be, for a session of so many lights.
     pub(super) fn check(&self, lights: usize) -> Result<(), SessionError> {
         let wrong = |problem: String| Err(SessionError::Care(problem));
-        for (name, frames) in [("dark-frames", self.dark_frames), ("flat-frames", self.flat_frames)] {
+        for (name, frames) in [
+            ("dark-frames", self.dark_frames),
+            ("flat-frames", self.flat_frames),
+            ("light-gain-frames", self.light_gain_frames),
+        ] {
             if frames > 1000 {
                 return wrong(format!("{name} is {frames}; give at most 1000"));
             }
@@ -85,6 +94,14 @@ impl Care {
                 "light-gains has {} factors for {lights} lights; give one a light",
                 self.light_gains.len()
             ));
+        }
+        if !self.light_gains.is_empty() && self.light_gain_frames > 0 {
+            return wrong(
+                "light-gains and light-gain-frames both ask for factors; give one of the two".to_owned(),
+            );
+        }
+        if !self.card_metres.iter().all(|v| v.is_finite()) {
+            return wrong("card-metres has to be three finite metres".to_owned());
         }
         Ok(())
     }

@@ -14,15 +14,15 @@ pub enum RigFault {
     /// An arm did not arrive.
     #[error("an arm did not get there: {0}")]
     Motion(#[source] Box<dyn std::error::Error + Send + Sync>),
-    /// The rig has no dark or even target.
-    #[error("this rig has nothing dark and nothing even to show. Ask for no dark and flat frames.")]
+    /// The rig has no target.
+    #[error("this rig has nothing dark, nothing even and no grey card to show. Ask for no frames of these.")]
     NoTarget,
     /// Somebody is to do something, and nobody is there.
     #[error(
         "somebody has to {0}, and nobody can be asked: standard input is no terminal. Begin the session in a terminal; such \
          frames come first and are kept, and then it goes on anywhere (--resume)."
     )]
-    Nobody(&'static str),
+    Nobody(String),
     /// There is no photograph.
     #[error(transparent)]
     Camera(#[from] CameraError),
@@ -120,6 +120,17 @@ pub enum SessionError {
         /// What happened.
         #[source]
         fault: RigFault,
+    },
+    /// The grey card tells nothing of the lamp.
+    #[error(
+        "the grey card under light {light}: {problem}. Lay it where the first view sees it (card-metres), in the scene\'s place and \
+         larger than 20 mm, and expose so that it is neither black nor full."
+    )]
+    Card {
+        /// The light.
+        light: usize,
+        /// What is wrong.
+        problem: &'static str,
     },
     /// What is asked for around each photograph cannot be.
     #[error("the session's settings: {0}")]

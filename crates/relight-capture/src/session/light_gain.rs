@@ -1,65 +1,143 @@
-//! How bright the lamp was in each of its places.
+//! How bright the lamp was in each of its places: factors that even it out, from photographs of a grey card.
 
+use std::io::Write;
+use std::path::Path;
+
+use relight_scene::{Intrinsics, Pose, read_text, write_whole};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::photograph::Photographer;
+use super::{CAMERA, Rig, RigFault, STATE, SessionError, Subject, Target};
 use crate::camera::LinearImage;
 
-/// Factors that even out a lamp whose brightness differs from light to light: of photographs of one grey patch, one a light
-/// and each already divided by what its distance and angle explain (1 if they are alike), the mean of all over each one's own.
-/// `patch` is left, top, width and height in pixels.
-///
-/// None if a photograph does not hold the patch, or it is black there or full.
-pub fn gains(photographs: &[LinearImage], explained: &[f64], patch: [u32; 4]) -> Option<Vec<f32>> {
-    let means: Option<Vec<f64>> = photographs.iter().map(|photograph| mean(photograph, patch)).collect();
-    let means = means.filter(|means| !means.is_empty() && means.len() == explained.len())?;
-    let bright: Vec<f64> = means.iter().zip(explained).map(|(mean, explained)| mean / explained).collect();
-    let all = bright.iter().sum::<f64>() / bright.len() as f64;
-    bright
-        .iter()
-        .map(|bright| Some((all / bright) as f32).filter(|gain| gain.is_finite() && *gain > 0.0))
-        .collect()
+/// The factors, in the folder [`STATE`].
+const FILE: &str = "gains.json";
+const FORMAT: &str = "relight-light-gains-1";
+const LONGEST: u64 = 1 << 20;
+/// Side of the square in the card's middle that is looked at, metres.
+const PATCH: f64 = 0.02;
+/// Light from which on a value may be one of a full sensor.
+const FULL: f32 = 0.98;
+
+#[derive(PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    format: String,
+    /// How many photographs of the card were taken a light.
+    frames: u32,
+    /// Where the card lay, world, metres.
+    card: [f64; 3],
+    /// How the camera was set, as the session's subject says it.
+    camera: Value,
+    /// By light.
+    gains: Vec<f32>,
 }
 
-/// The mean of a patch that is neither black nor full.
-fn mean(photograph: &LinearImage, [left, top, width, height]: [u32; 4]) -> Option<f64> {
-    let within = |begin: u32, length: u32, all: u32| {
-        length > 0 && begin.checked_add(length).is_some_and(|end| end <= all)
-    };
-    if !within(left, width, photograph.width) || !within(top, height, photograph.height) {
-        return None;
+/// The factors of the session's lights: those that its settings give, those of its file, or else those of the card, which is
+/// then photographed. Empty: none.
+pub(super) fn light_gains(
+    rig: &mut dyn Rig,
+    photographer: &Photographer,
+    subject: &Subject,
+    out: &Path,
+) -> Result<Vec<f32>, SessionError> {
+    let care = photographer.care;
+    if care.light_gain_frames == 0 {
+        return Ok(care.light_gains.clone());
     }
+    let path = out.join(STATE).join(FILE);
+    let file = |gains| File {
+        format: FORMAT.to_owned(),
+        frames: care.light_gain_frames,
+        card: care.card_metres,
+        camera: subject.get(CAMERA).cloned().unwrap_or_default(),
+        gains,
+    };
+    if !path.try_exists().map_err(SessionError::io(&path))? {
+        let file = file(photographed(rig, photographer)?);
+        let json = serde_json::to_vec_pretty(&file).map_err(|error| SessionError::io(&path)(error.into()))?;
+        write_whole(&path, |out| out.write_all(&json)).map_err(SessionError::io(&path))?;
+    }
+    let other = |problem: &str| SessionError::Other {
+        path: path.clone(),
+        problem: format!("{problem}. Remove the file, and the card is photographed again."),
+    };
+    let read: File = serde_json::from_str(&read_text(&path, LONGEST)?)
+        .map_err(|error| other(&format!("is no file of {FORMAT}: {error}")))?;
+    if read.format != FORMAT {
+        return Err(other(&format!("is of format {}, and only {FORMAT} is known", read.format)));
+    }
+    if read != file(read.gains.clone()) || read.gains.len() != photographer.shots.lights.len() {
+        return Err(other("is of another card, camera or number of lights than the session has"));
+    }
+    if !read.gains.iter().all(|gain| gain.is_finite() && *gain > 0.0) {
+        return Err(other("holds a factor that is not above zero"));
+    }
+    Ok(read.gains)
+}
+
+/// Photographs the card from the first view under every light, and tells the factors by light: the mean of how bright the lamp
+/// was in all places, over how bright it was in each. What distance and angle explain counts for nothing.
+fn photographed(rig: &mut dyn Rig, photographer: &Photographer) -> Result<Vec<f32>, SessionError> {
+    let (shots, care) = (photographer.shots, photographer.care);
+    let shown = |fault: RigFault| SessionError::Reference { target: "grey card", fault };
+    let unusable = |light: usize, problem: &'static str| SessionError::Card { light, problem };
+    let view = shots.view_order.first().copied().unwrap_or_default();
+    let patch = shots.cameras.get(view).and_then(|camera| patch(&shots.intrinsics, camera, care.card_metres));
+    rig.show(Target::Card(care.card_metres)).map_err(shown)?;
+    rig.view(view).map_err(shown)?;
+    let mut bright = vec![1.0; shots.lights.len()];
+    for &light in &shots.light_order {
+        let patch = patch.ok_or(unusable(light, "the first view does not show it"))?;
+        let explained = irradiance(&shots.lights[light], care.card_metres)
+            .ok_or(unusable(light, "the light stands below it"))?;
+        rig.light(light).map_err(shown)?;
+        let mut sum = 0.0;
+        for _ in 0..care.light_gain_frames {
+            let photograph = photographer.take(rig, view, light)?.light;
+            let mean = photograph.as_ref().and_then(|photograph| mean(photograph, patch));
+            sum += mean.ok_or(unusable(light, "it is black or full in the photograph"))?;
+        }
+        bright[light] = sum / f64::from(care.light_gain_frames) / explained;
+    }
+    rig.show(Target::Scene).map_err(shown)?;
+    let all = bright.iter().sum::<f64>() / bright.len() as f64;
+    Ok(bright.iter().map(|bright| (all / bright) as f32).collect())
+}
+
+/// What a lamp of unit intensity throws on a card that lies flat; none from below.
+fn irradiance(light: &Pose, card: [f64; 3]) -> Option<f64> {
+    let from = light.position();
+    let [x, y, z] = std::array::from_fn(|i| from[i] - card[i]);
+    Some(z / (x * x + y * y + z * z).powf(1.5)).filter(|irradiance| *irradiance > 0.0)
+}
+
+/// Left, top, width and height of where a camera sees the middle of a card, pixels; none if it does not see all of that.
+fn patch(lens: &Intrinsics, camera: &Pose, card: [f64; 3]) -> Option<[u32; 4]> {
+    let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+    for [x, y] in [[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]] {
+        let corner = [card[0] + x * PATCH / 2.0, card[1] + y * PATCH / 2.0, card[2]];
+        let at = lens.project(camera.inverse_transform(corner))?;
+        low = std::array::from_fn(|i| low[i].min(at[i].round()));
+        high = std::array::from_fn(|i| high[i].max(at[i].round()));
+    }
+    let is_inside =
+        low.iter().all(|&v| v >= 0.0) && high[0] < f64::from(lens.width) && high[1] < f64::from(lens.height);
+    let side = |i: usize| (high[i] - low[i]) as u32 + 1;
+    is_inside.then(|| [low[0] as u32, low[1] as u32, side(0), side(1)])
+}
+
+/// The mean of a patch that lies in the photograph and is neither black nor full.
+fn mean(photograph: &LinearImage, [left, top, width, height]: [u32; 4]) -> Option<f64> {
     let mut sum = 0.0;
     for y in top..top + height {
         let begin = 3 * (y as usize * photograph.width as usize + left as usize);
-        let row = &photograph.data[begin..begin + 3 * width as usize];
-        if row.iter().any(|&value| value >= 0.98) {
+        let row = photograph.data.get(begin..begin + 3 * width as usize)?;
+        if row.iter().any(|&value| value >= FULL) {
             return None;
         }
         sum += row.iter().map(|&value| f64::from(value)).sum::<f64>();
     }
     Some(sum / (3.0 * f64::from(width) * f64::from(height))).filter(|mean| *mean > 0.0)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn factors_even_out_what_geometry_does_not_explain() {
-        let photograph = |grey: f32| {
-            let mut data = vec![1.5; 3 * 8 * 6];
-            // The patch alone is grey.
-            for y in 2..5 {
-                data[3 * (8 * y + 1)..3 * (8 * y + 4)].fill(grey);
-            }
-            LinearImage { width: 8, height: 6, data }
-        };
-        let photographs = [0.2, 0.1, 0.3].map(photograph);
-        let found = gains(&photographs, &[1.0, 0.5, 1.0], [1, 2, 3, 3]).unwrap();
-        let expected = [7.0 / 6.0, 7.0 / 6.0, 7.0 / 9.0];
-        assert!(found.iter().zip(expected).all(|(a, b): (&f32, f32)| (a - b).abs() < 1e-6), "{found:?}");
-        for patch in [[0, 2, 3, 3], [6, 2, 3, 3], [1, 2, 0, 3], [u32::MAX, 2, 3, 3]] {
-            assert_eq!(gains(&photographs, &[1.0; 3], patch), None);
-        }
-        assert_eq!(gains(&photographs, &[1.0; 2], [1, 2, 3, 3]), None);
-        assert_eq!(gains(&photographs, &[1.0, 0.0, 1.0], [1, 2, 3, 3]), None);
-    }
 }

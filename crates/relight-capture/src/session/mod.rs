@@ -31,7 +31,6 @@ use crate::camera::{CameraError, Development, Frame};
 pub use care::{Care, WhenMoved};
 pub use error::{RigFault, SessionError};
 pub use journal::{Check, Entry, Journal, Line, Log};
-pub use light_gain::gains;
 use photograph::Photographer;
 pub use quality::{brightness, sharpness};
 pub use references::{CAMERA, Target};
@@ -80,7 +79,7 @@ pub trait Rig {
     fn show(&mut self, target: Target) -> Result<(), RigFault> {
         match target {
             Target::Scene => Ok(()),
-            Target::Dark | Target::Flat => Err(RigFault::NoTarget),
+            Target::Dark | Target::Flat | Target::Card(_) => Err(RigFault::NoTarget),
         }
     }
 }
@@ -175,18 +174,10 @@ pub fn capture_with(
         on_disk.insert((entry.view, entry.light));
     }
     let correction = references::correction(rig, shots, care, subject, out)?;
+    let mut photographer = Photographer { shots, care, correction, gains: Vec::new() };
+    photographer.gains = light_gain::light_gains(rig, &photographer, subject, out)?;
     let resumed = on_disk.len();
-    let mut shooting = Shooting {
-        rig,
-        photographer: Photographer { shots, care, correction },
-        out,
-        writer,
-        journal,
-        checks,
-        sheet,
-        on_disk,
-        resumed,
-    };
+    let mut shooting = Shooting { rig, photographer, out, writer, journal, checks, sheet, on_disk, resumed };
     if !shooting.run(progress)? {
         return Ok(Ending::Stopped);
     }

@@ -22,6 +22,8 @@ pub(super) struct Photographer<'a> {
     pub shots: &'a Shots,
     pub care: &'a Care,
     pub correction: Option<Correction>,
+    /// A factor a light; empty: none.
+    pub gains: Vec<f32>,
 }
 
 impl Photographer<'_> {
@@ -59,7 +61,7 @@ impl Photographer<'_> {
         }
         rig.expose(1.0).map_err(failed)?;
         let mut colours = merge(&exposures).map_err(failed)?.colours(development);
-        if let Some(gain) = self.care.light_gains.get(light) {
+        if let Some(gain) = self.gains.get(light) {
             colours.data.iter_mut().for_each(|value| *value *= gain);
         }
         let image = colours.encode(self.care.tone.unwrap_or(1.0));

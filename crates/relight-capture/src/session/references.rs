@@ -23,12 +23,14 @@ const STEPS: f32 = 256.0;
 pub const CAMERA: &str = "camera";
 
 /// What a rig is asked to hold before its camera.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Target {
     /// Nothing that shines: the lamp off and the room dark, or the lens capped.
     Dark,
     /// An evenly lit, matt, white surface, out of focus if it can be.
     Flat,
+    /// A matt grey card under the lamp, flat in the place of what is to be captured; its middle is here, world, metres.
+    Card([f64; 3]),
     /// What is to be captured, under the lamp.
     Scene,
 }
@@ -38,6 +40,7 @@ impl Target {
         match self {
             Target::Dark => "dark",
             Target::Flat => "flat",
+            Target::Card(_) => "card",
             Target::Scene => "scene",
         }
     }
@@ -70,7 +73,7 @@ pub(super) fn correction(
     out: &Path,
 ) -> Result<Option<Correction>, SessionError> {
     let mut disturbed = false;
-    let photographer = Photographer { shots, care, correction: None };
+    let photographer = Photographer { shots, care, correction: None, gains: Vec::new() };
     let mut averages = [None, None];
     let wanted = [(Target::Dark, care.dark_frames), (Target::Flat, care.flat_frames)];
     for (average, (target, frames)) in averages.iter_mut().zip(wanted) {

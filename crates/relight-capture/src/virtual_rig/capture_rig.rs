@@ -3,6 +3,7 @@
 use relight_scene::{Camera, Intrinsics, Light};
 
 use super::VirtualRig;
+use super::card::grey_card;
 use crate::camera::{CameraError, Frame};
 use crate::session::{Rig, RigFault, Target};
 
@@ -20,13 +21,26 @@ pub struct CaptureRig {
     /// What is before the camera, and how many frames were shot of it if it is not the scene.
     target: Target,
     frames: usize,
+    /// The same before a grey card, while that is shown.
+    card: Option<VirtualRig>,
 }
 
 impl CaptureRig {
     /// A rig whose views and lights stand where these do.
     pub fn new(rig: VirtualRig, cameras: Vec<Camera>, lights: Vec<Light>) -> CaptureRig {
         let (photographs, target) = (Vec::new(), Target::Scene);
-        CaptureRig { rig, cameras, lights, view: 0, light: 0, photographs, is_raw: false, target, frames: 0 }
+        CaptureRig {
+            rig,
+            cameras,
+            lights,
+            view: 0,
+            light: 0,
+            photographs,
+            is_raw: false,
+            target,
+            frames: 0,
+            card: None,
+        }
     }
 
     /// The rig with a camera that gives [raw frames](VirtualRig::raw).
@@ -53,7 +67,7 @@ impl CaptureRig {
     /// A photograph of what is held before the camera, whose lens is this; none if that is the scene.
     pub fn shoot_target(&mut self, lens: &Intrinsics) -> Option<Frame> {
         let is_white = match self.target {
-            Target::Scene => return None,
+            Target::Scene | Target::Card(_) => return None,
             Target::Dark => false,
             Target::Flat => true,
         };
@@ -62,10 +76,11 @@ impl CaptureRig {
     }
 
     fn photograph(&self, camera: &Camera, lights: &[Light]) -> Vec<Frame> {
+        let rig = self.card.as_ref().unwrap_or(&self.rig);
         if self.is_raw {
-            return self.rig.raw(camera, lights);
+            return rig.raw(camera, lights);
         }
-        self.rig.photograph(camera, lights).into_iter().map(Frame::Developed).collect()
+        rig.photograph(camera, lights).into_iter().map(Frame::Developed).collect()
     }
 }
 
@@ -99,6 +114,18 @@ impl Rig for CaptureRig {
     }
 
     fn show(&mut self, target: Target) -> Result<(), RigFault> {
+        self.card = match target {
+            Target::Card(at) => {
+                Some(grey_card(at).and_then(|card| self.rig.before(&card)).map_err(|error| {
+                    CameraError::Failed {
+                        problem: error.to_string(),
+                        mend: "Lay the card elsewhere (card-metres).",
+                    }
+                })?)
+            }
+            _ => None,
+        };
+        self.photographs.clear();
         (self.target, self.frames) = (target, 0);
         Ok(())
     }

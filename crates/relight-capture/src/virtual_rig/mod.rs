@@ -17,6 +17,7 @@ mod board_capture;
 mod board_truth;
 mod bsdf;
 mod capture_rig;
+mod card;
 mod error;
 mod geometry;
 mod gltf_file;
@@ -139,6 +140,11 @@ impl VirtualRig {
             settings,
             aims: AimTable::new(settings.samples as usize),
         })
+    }
+
+    /// The same lamp and camera before something else.
+    fn before(&self, model: &Model) -> Result<Self, RigError> {
+        Self::new(model, self.lamp, self.sensor, self.settings)
     }
 
     /// Photographs a view under each of some lights: one 8-bit sRGB picture a light, in their order.

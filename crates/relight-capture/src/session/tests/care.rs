@@ -1,6 +1,8 @@
 //! What is done around each photograph, with a rig whose light is known in closed form.
 
 use super::*;
+use serde_json::Value;
+
 use crate::camera::BayerPattern;
 
 const SIZE: (u32, u32) = (32, 24);
@@ -77,6 +79,13 @@ impl Rig for Bench {
         let level = |x: usize, y: usize| match self.target {
             Target::Dark => dark(x, y),
             Target::Flat => dark(x, y) + 180.0 * shade(x),
+            // The lamp loses a tenth of its brightness from each place to the next.
+            Target::Card(card) => {
+                let [u, v, w] = bench_shots().lights[self.light].position();
+                let (x2, y2, z) = ((u - card[0]).powi(2), (v - card[1]).powi(2), w - card[2]);
+                let lamp = 0.9f64.powi(self.light as i32);
+                self.multiple * (dark(x, y) + shade(x) * 100.0 * lamp * z / (x2 + y2 + z * z).powf(1.5))
+            }
             Target::Scene => {
                 let (u, v) = (x as f64 - shift, y as f64);
                 let waves = 60.0 + 40.0 * (0.6 * u + self.view as f64).sin() * (0.5 * v).cos();
@@ -131,7 +140,9 @@ fn everything() -> Care {
         movement: true,
         movement_every: 2,
         when_moved: WhenMoved::Tell,
-        light_gains: vec![1.0, 1.2, 1.4, 1.6],
+        light_gains: Vec::new(),
+        light_gain_frames: 2,
+        card_metres: [0.01, 0.0, 0.0],
     }
 }
 
@@ -139,7 +150,7 @@ fn everything() -> Care {
 fn an_even_scene_becomes_even_and_light_beyond_one_exposure_is_kept() {
     let folder = tempfile::tempdir().unwrap();
     let mut rig = Bench { even: Some(500.0), ..Bench::default() };
-    let care = Care { light_gains: Vec::new(), ..everything() };
+    let care = Care { light_gain_frames: 0, ..everything() };
     assert_eq!(shoot(&mut rig, &care, folder.path()).unwrap(), complete(&[]));
     assert_eq!(rig.shown, [Target::Dark, Target::Flat, Target::Scene]);
     let path = hdr_file::path(folder.path(), 2, 1);
@@ -168,9 +179,9 @@ fn careful_sessions_that_were_interrupted_end_as_others_do() {
     let straight = tempfile::tempdir().unwrap();
     let mut rig = Bench { shakes: 1, ..Bench::default() };
     shoot(&mut rig, &everything(), straight.path()).unwrap();
-    // Dark and flat; then two more exposures than one a photograph and two for the shaken one; and two checks a view.
+    // Dark and flat; two photographs of the card a light, which nothing shakes; then two more exposures than one a photograph and two for the shaken one; and two checks a view.
     let total = rig.shots;
-    assert_eq!(total, 3 + 2 + (3 * 4 + 3 * 2) * (3 + 2));
+    assert_eq!(total, 3 + 2 + 2 * 4 * (3 + 1) + (3 * 4 + 3 * 2) * (3 + 2));
     let expected = contents(straight.path());
     for breaks in (1..=total).step_by(5) {
         let folder = tempfile::tempdir().unwrap();
@@ -181,6 +192,51 @@ fn careful_sessions_that_were_interrupted_end_as_others_do() {
         let ended = contents(folder.path());
         assert!(ended == expected, "at {breaks}: {:?}", ended.keys().collect::<Vec<_>>());
     }
+}
+
+#[test]
+fn a_grey_card_evens_the_lamp_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let care = Care { dark_frames: 1, flat_frames: 1, light_gain_frames: 1, ..Care::default() };
+    let mut rig = Bench { even: Some(100.0), ..Bench::default() };
+    shoot(&mut rig, &care, folder.path()).unwrap();
+    assert_eq!(rig.shown, [Target::Dark, Target::Flat, Target::Scene, Target::Card([0.0; 3]), Target::Scene]);
+    let read = || -> Value {
+        let text = fs::read_to_string(folder.path().join(STATE).join("gains.json")).unwrap();
+        serde_json::from_str(&text).unwrap()
+    };
+    let lamp = [0, 1, 2, 3].map(|light| 0.9f64.powi(light));
+    let all = lamp.iter().sum::<f64>() / 4.0;
+    for (gain, lamp) in read()["gains"].as_array().unwrap().iter().zip(lamp) {
+        let (gain, expected) = (gain.as_f64().unwrap(), all / lamp);
+        assert!((gain / expected - 1.0).abs() < 0.02, "{gain} {expected}");
+    }
+    // Photographs are multiplied by them: of an even scene, each light's by its own.
+    let scene = Scene::open(folder.path()).unwrap();
+    let level = |light: usize| {
+        let frame = scene.frames.iter().position(|frame| frame.light == light).unwrap();
+        let bytes = scene.read_frame(frame).unwrap().data;
+        (f64::from(bytes[3 * 400 + 1]) / 255.0).powf(2.2)
+    };
+    assert!((level(3) / level(0) - lamp[0] / lamp[3]).abs() < 0.07, "{} {}", level(3), level(0));
+    // They are the session's: another card is refused, damage too.
+    let path = folder.path().join(STATE).join("gains.json");
+    let text = fs::read_to_string(&path).unwrap();
+    for (from, to, problem) in [
+        ("\"frames\": 1", "\"frames\": 2", "of another card, camera"),
+        ("relight-light-gains-1", "relight-light-gains-2", "is of format relight-light-gains-2"),
+        ("\"gains\": [", "\"gains\": [-1, ", "of another card, camera"),
+        ("\"gains\"", "\"gain\"", "is no file of relight-light-gains-1"),
+    ] {
+        fs::write(&path, text.replacen(from, to, 1)).unwrap();
+        let error = shoot(&mut Bench::default(), &care, folder.path()).unwrap_err().to_string();
+        assert!(error.contains(problem) && error.contains("gains.json"), "{error}");
+    }
+    // A card that the first view does not see.
+    let beside = tempfile::tempdir().unwrap();
+    let care = Care { light_gain_frames: 1, card_metres: [5.0, 0.0, 0.0], ..Care::default() };
+    let error = shoot(&mut Bench::default(), &care, beside.path()).unwrap_err().to_string();
+    assert!(error.contains("the first view does not show it"), "{error}");
 }
 
 #[test]
@@ -287,6 +343,7 @@ fn settings_that_cannot_be_are_refused_and_others_stay_as_they_were() {
         (Care { exposures: vec![1.0; 17], ..Care::default() }, "at most 16"),
         (Care { tone: Some(0.0), ..Care::default() }, "tone or light-gains holds 0"),
         (Care { light_gains: vec![1.0; 3], ..Care::default() }, "3 factors for 4 lights"),
+        (Care { light_gain_frames: 1, light_gains: vec![1.0; 4], ..Care::default() }, "one of the two"),
         (Care { dark_frames: 5000, ..Care::default() }, "dark-frames is 5000"),
     ] {
         let error = shoot(&mut Bench::default(), &care, folder.path()).unwrap_err().to_string();
