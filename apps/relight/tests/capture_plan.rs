@@ -72,6 +72,17 @@ fn arms_that_are_given_are_asked_what_they_reach() {
     let said = String::from_utf8(output.stdout).unwrap();
     assert!(said.contains("camera 50 of 50") && said.contains("light  39 of 40"), "{said}");
     assert!(said.contains("is unreachable: too near the base's axis"), "{said}");
+    // A wall between the light's arm and half of its places.
+    let wall = |hi: &str| arms.replace("walls = []", &format!("walls = [{{ lo = [-1, 0, 0], hi = {hi} }}]"));
+    fs::write(folder.path().join("rig.toml"), wall("[1, 0.02, 1]")).unwrap();
+    let output = plan(folder.path(), "--rig rig.toml --out plan.json");
+    let said = String::from_utf8(output.stdout).unwrap();
+    assert!(output.status.success() && said.contains("wall 1"), "{said}");
+    assert!(said.contains("camera 50 of 50") && !said.contains("light  40 of 40"), "{said}");
+    fs::write(folder.path().join("rig.toml"), wall("[1, 0.02, -1]")).unwrap();
+    let output = plan(folder.path(), "--rig rig.toml --out other.json");
+    let error = String::from_utf8(output.stderr).unwrap();
+    assert!(error.contains("rig.toml") && error.contains("[arms] wall 1 from"), "{error}");
     fs::write(folder.path().join("rig.toml"), arms.replace("ur5e", "kuka")).unwrap();
     let output = plan(folder.path(), "--rig rig.toml --out other.json");
     assert!(String::from_utf8_lossy(&output.stderr).contains("rig.toml"));

@@ -49,6 +49,22 @@ fn an_arm_that_reaches_down_meets_the_table_and_then_the_object() {
     assert!(matches!(&met.parts[0], Part::Link { arm, .. } if arm == "light arm"), "{met}");
 }
 
+/// The light's arm, stretched towards the object, is lowered behind a wall or into it.
+#[test]
+fn walls_are_met_on_the_way_and_those_elsewhere_are_not() {
+    let lowered = [UPRIGHT[0], [PI, -0.1, 0.0, -PI / 2.0, -PI / 2.0, 0.0]];
+    let open = Cell::new([camera_arm(), light_arm()], Some(0.0), None, CLEARANCE).unwrap();
+    let wall = |x: f64| ObjectBox { lo: [x, -0.3, 0.0], hi: [x + 0.05, 0.3, 0.3] };
+    assert_eq!(open.check_motion(&UPRIGHT, &lowered), Ok(()));
+    let beyond = open.clone().with_walls(&[wall(-1.6)]).unwrap();
+    assert_eq!(beyond.check_motion(&UPRIGHT, &lowered), Ok(()));
+    let before = open.with_walls(&[wall(-1.6), wall(-0.2)]).unwrap();
+    let (met, fraction) = contact(before.check_motion(&UPRIGHT, &lowered));
+    assert_eq!(met.parts[1], Part::Wall(1), "{met}");
+    assert!(met.to_string().ends_with("wall 2") && fraction > 0.3 && fraction < 1.0, "{met} {fraction}");
+    assert_eq!(before.check(&UPRIGHT), Ok(()));
+}
+
 #[test]
 fn a_folded_arm_meets_itself() {
     let mut folded = UPRIGHT;

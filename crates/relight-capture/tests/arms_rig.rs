@@ -26,6 +26,7 @@ fn arms() -> ArmsSettings {
         camera: place(Make::Ec66, [0.0, -1.0, 0.0], 0.0),
         light: place(Make::Ur5e, [0.0, 0.48, 0.03], 180.0),
         table_metres: 0.0,
+        walls: Vec::new(),
         clearance_metres: 0.01,
     }
 }

@@ -12,6 +12,7 @@ fn arms(light: [f64; 3]) -> ArmsSettings {
         camera: place(Make::Ec66, [0.0, -1.0, 0.0]),
         light: place(Make::Ur5e, light),
         table_metres: 0.0,
+        walls: Vec::new(),
         clearance_metres: 0.01,
     }
 }
@@ -49,7 +50,7 @@ fn what_is_out_of_reach_is_marked_with_its_reason_and_not_visited() {
 #[test]
 fn a_turned_base_reaches_the_same() {
     let straight = arms([0.0, 0.45, 0.0]);
-    let mut turned = straight;
+    let mut turned = straight.clone();
     (turned.camera.yaw_degrees, turned.light.yaw_degrees) = (30.0, -75.0);
     let orders = [straight, turned].map(|arms| {
         let [mut plan, _] = reached(&arms);

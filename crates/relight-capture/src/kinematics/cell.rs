@@ -60,6 +60,8 @@ pub enum Part {
     Table,
     /// The object's box.
     Object,
+    /// A wall, by its number from 0.
+    Wall(usize),
 }
 
 impl fmt::Display for Part {
@@ -68,6 +70,7 @@ impl fmt::Display for Part {
             Self::Link { arm, link } => write!(f, "the {arm}'s {link}"),
             Self::Table => f.write_str("the table"),
             Self::Object => f.write_str("the object's box"),
+            Self::Wall(number) => write!(f, "wall {}", number + 1),
         }
     }
 }
@@ -124,12 +127,20 @@ pub enum CellError {
         /// What should be its highest corner.
         hi: [f64; 3],
     },
+    /// A wall is inside out or endless.
+    #[error("wall {} from {:?} to {:?} must be finite and have its lowest corner first", number + 1, wall.lo, wall.hi)]
+    Wall {
+        /// Its number, from 0.
+        number: usize,
+        /// The box.
+        wall: ObjectBox,
+    },
     /// The clearance is negative or no number.
     #[error("a clearance of {0} m: it must be finite and not negative")]
     Clearance(f64),
 }
 
-/// One or more arms around an object on a table.
+/// One or more arms around an object on a table, between walls.
 ///
 /// Links are taken as capsules that are larger than they are. What an arm carries is checked against its own links but the
 /// last two, which it is built around.
@@ -139,6 +150,7 @@ pub struct Cell<const ARMS: usize> {
     bases: [DAffine3; ARMS],
     table: Option<f64>,
     object: Option<(DVec3, DVec3)>,
+    walls: Vec<(DVec3, DVec3)>,
     clearance: f64,
     bodies: Vec<Body>,
     pub(super) pairs: Vec<Pair>,
@@ -157,6 +169,7 @@ enum Other {
     Body(usize),
     Table,
     Object,
+    Wall(usize),
 }
 
 /// The segments of all bodies in the world.
@@ -190,14 +203,14 @@ impl<const ARMS: usize> Cell<ARMS> {
         if !(clearance.is_finite() && clearance >= 0.0) {
             return Err(CellError::Clearance(clearance));
         }
-        if let Some(ObjectBox { lo, hi }) = object
-            && !(0..3).all(|i| lo[i].is_finite() && hi[i].is_finite() && lo[i] <= hi[i])
+        if let Some(object) = object
+            && !is_sound(&object)
         {
-            return Err(CellError::Object { lo, hi });
+            return Err(CellError::Object { lo: object.lo, hi: object.hi });
         }
         let bases = std::array::from_fn(|i| from_pose(&arms[i].base));
         let bodies: Vec<Body> = arms.iter().enumerate().flat_map(|(i, arm)| bodies(i, arm)).collect();
-        let object = object.map(|o| (DVec3::from_array(o.lo), DVec3::from_array(o.hi)));
+        let object = object.map(|object| corners(&object));
         let mut pairs = Vec::new();
         for (body, a) in bodies.iter().enumerate() {
             if table.is_some() && a.link >= ON_TABLE {
@@ -211,7 +224,23 @@ impl<const ARMS: usize> Cell<ARMS> {
                 before.filter(|(_, b)| can_meet(a, b)).map(|(j, _)| Pair { body, other: Other::Body(j) }),
             );
         }
-        Ok(Self { arms, bases, table, object, clearance, bodies, pairs })
+        Ok(Self { arms, bases, table, object, walls: Vec::new(), clearance, bodies, pairs })
+    }
+
+    /// The cell with walls, or other boxes that nothing may meet. An arm's base stands where it was put, and is not checked.
+    ///
+    /// # Errors
+    /// If a box is inside out or endless.
+    pub fn with_walls(mut self, walls: &[ObjectBox]) -> Result<Self, CellError> {
+        for (number, wall) in walls.iter().enumerate() {
+            if !is_sound(wall) {
+                return Err(CellError::Wall { number, wall: *wall });
+            }
+            let moving = self.bodies.iter().enumerate().filter(|(_, body)| body.link > 0);
+            self.pairs.extend(moving.map(|(body, _)| Pair { body, other: Other::Wall(self.walls.len()) }));
+            self.walls.push(corners(wall));
+        }
+        Ok(self)
     }
 
     /// The arms, in their order.
@@ -246,6 +275,10 @@ impl<const ARMS: usize> Cell<ARMS> {
             Other::Body(other) => segment.distance(&posed.0[other]) - self.bodies[other].capsule.radius,
             Other::Table => self.table.map_or(f64::INFINITY, |height| segment.height_over(height)),
             Other::Object => self.object.map_or(f64::INFINITY, |(lo, hi)| segment.distance_to_box(lo, hi)),
+            Other::Wall(wall) => {
+                let (lo, hi) = self.walls[wall];
+                segment.distance_to_box(lo, hi)
+            }
         };
         between - self.bodies[pair.body].capsule.radius
     }
@@ -263,7 +296,7 @@ impl<const ARMS: usize> Cell<ARMS> {
                     body.travel(&step[body.arm], 0) + other.travel(&step[other.arm], 0)
                 }
             }
-            Other::Table | Other::Object => body.travel(&step[body.arm], 0),
+            Other::Table | Other::Object | Other::Wall(_) => body.travel(&step[body.arm], 0),
         }
     }
 
@@ -276,9 +309,18 @@ impl<const ARMS: usize> Cell<ARMS> {
             Other::Body(other) => part(other),
             Other::Table => Part::Table,
             Other::Object => Part::Object,
+            Other::Wall(wall) => Part::Wall(wall),
         };
         Contact { parts: [part(pair.body), other], distance }
     }
+}
+
+fn is_sound(ObjectBox { lo, hi }: &ObjectBox) -> bool {
+    (0..3).all(|i| lo[i].is_finite() && hi[i].is_finite() && lo[i] <= hi[i])
+}
+
+fn corners(ObjectBox { lo, hi }: &ObjectBox) -> (DVec3, DVec3) {
+    (DVec3::from_array(*lo), DVec3::from_array(*hi))
 }
 
 #[cfg(test)]
@@ -320,7 +362,8 @@ mod tests {
 
         #[test]
         fn no_distance_changes_more_than_the_bound(from in joints(), step in prop::array::uniform6(-0.3..0.3f64)) {
-            let cell = alone(&UR5E);
+            let wall = ObjectBox { lo: [0.2, -1.0, -0.5], hi: [0.3, 1.0, 0.4] };
+            let cell = alone(&UR5E).with_walls(&[wall]).unwrap();
             let to = std::array::from_fn(|i| from[i] + step[i]);
             let (before, after) = (cell.posed(&[from]), cell.posed(&[to]));
             for pair in &cell.pairs {

@@ -1,8 +1,8 @@
 //! Forward and inverse kinematics of six-axis arms with an offset wrist, their limits and collisions.
 //!
 //! An [`ArmModel`] knows where its links are for given [`Joints`] and, in closed form, which joints bring its flange to a
-//! pose. A [`Tool`] says where camera or light sits on the flange. A [`Cell`] holds the arms of a rig, the table and the
-//! object, and tells whether a motion keeps its distance all the way. A [`Route`] picks one configuration for each
+//! pose. A [`Tool`] says where camera or light sits on the flange. A [`Cell`] holds the arms of a rig, the table, the
+//! object and walls, and tells whether a motion keeps its distance all the way. A [`Route`] picks one configuration for each
 //! waypoint so that the joints travel little and nothing meets.
 //!
 //! Joint angles are the controller's own, in radians. The flange is the vendor's (`tool0`), its +Z pointing out of it.

@@ -12,7 +12,7 @@ use crate::trajectory::{ObjectBox, Plan, Trajectory};
 const LAMP_ROLLS: usize = 8;
 
 /// Where two arms stand, as a person writes it.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub struct ArmsSettings {
     /// The arm with the camera.
@@ -22,6 +22,9 @@ pub struct ArmsSettings {
     /// Height of the table, world, metres.
     #[serde(default)]
     pub table_metres: f64,
+    /// Walls, or other boxes that nothing may meet.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub walls: Vec<ObjectBox>,
     /// How far everything must stay from everything else, metres.
     #[serde(default = "clearance")]
     pub clearance_metres: f64,
@@ -82,7 +85,7 @@ impl ArmsSettings {
     pub fn cell(&self, object: ObjectBox) -> Result<Cell<2>, CellError> {
         let arms =
             [self.camera.arm("camera arm", Tool::camera()), self.light.arm("light arm", Tool::light())];
-        Cell::new(arms, Some(self.table_metres), Some(object), self.clearance_metres)
+        Cell::new(arms, Some(self.table_metres), Some(object), self.clearance_metres)?.with_walls(&self.walls)
     }
 
     /// Where both arms wait, radians.

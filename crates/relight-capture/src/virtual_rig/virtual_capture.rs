@@ -97,7 +97,13 @@ impl VirtualCapture {
 
     /// Where the arms stand that carry camera and lamp.
     pub fn arms() -> ArmsSettings {
-        ArmsSettings { camera: CAMERA_ARM, light: LIGHT_ARM, table_metres: 0.0, clearance_metres: 0.01 }
+        ArmsSettings {
+            camera: CAMERA_ARM,
+            light: LIGHT_ARM,
+            table_metres: 0.0,
+            walls: Vec::new(),
+            clearance_metres: 0.01,
+        }
     }
 
     /// The lens.

@@ -18,7 +18,7 @@ use super::run::{Job, headline, time};
 use crate::console::print_line;
 
 pub fn run(job: &Job, quiet: bool) -> anyhow::Result<()> {
-    let arms = job.file.arms.with_context(|| {
+    let arms = job.file.arms.clone().with_context(|| {
         format!(
             "{}: has no arms; add a table [arms], or move camera and lamp yourself (--skip-robots)",
             job.args.rig

@@ -38,6 +38,7 @@ use crate::places;
                   light = { model = \"ur5e\", base-metres = [-0.124, 0.464, 0.03] }\n  \
                   table-metres = 0.0                     # height of the table\n  \
                   clearance-metres = 0.01                # how far all must stay from each other\n  \
+                  walls = []                             # that nothing may meet: { lo = [x, y, z], hi = [x, y, z] }\n  \
                   # camera and light take home-degrees = [6 joints] too: where the arm waits; upright if left out\n\n\
                   `relight capture run --help` shows the tables that shooting takes."
 )]
