@@ -85,6 +85,42 @@ fn bad_arguments_are_named() {
 }
 
 #[test]
+fn a_rig_file_tells_of_the_board_once_for_all() {
+    let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
+    let table = "[board]\ncolumns = 7\nrows = 5\nsquare-metres = 0.03\nmarker-metres = 0.0225\ndictionary = \"4X4_50\"\n\
+                 [camera]\nwaypoints = 2\ncolatitude-degrees = [48, 68]\nazimuth-degrees = [-118.5, -61.5]\n\
+                 radius-metres = [0.602, 0.623]\n\
+                 [light]\nwaypoints = 3\ncolatitude-degrees = [5, 43]\nradius-metres = [0.363, 0.414]\n\
+                 [arms]\ncamera = { model = \"ec66\", base-metres = [0, -1, 0] }\n\
+                 light = { model = \"ur5e\", base-metres = [0, 0.48, 0.03] }\n";
+    fs::write(folder.path().join("rig.toml"), table).unwrap();
+    let succeed = |arguments: &str| {
+        let output = relight(folder.path(), arguments);
+        assert!(output.status.success(), "{arguments}: {}", text(&output.stderr));
+        text(&output.stdout).to_owned()
+    };
+    assert!(succeed("board --rig rig.toml --out board.svg").contains("230.0 x 170.0 mm"));
+    assert!(succeed("board --rig rig.toml --square 0.02 --marker 0.01 --out board.svg").contains("160.0 x"));
+    let golden = format!("{GOLDEN}/frontal.webp");
+    assert!(succeed(&format!("detect {golden} --rig rig.toml")).starts_with("24 of 24 corners"));
+    // The arms of the file go to its waypoints, and its board is that of the session.
+    let shot = succeed("shoot-board --rig rig.toml --out session --size 320x240 --samples 2 --lens-views 1");
+    assert!(shot.contains("board of 7x5 squares with markers of DICT_4X4_50 from 2 waypoints"), "{shot}");
+    // A session of which nothing is said is of that board too.
+    let file = folder.path().join("session/board.toml");
+    assert!(fs::read_to_string(&file).unwrap().starts_with("columns = 7"));
+    fs::remove_file(&file).unwrap();
+    let error = relight(folder.path(), "calibrate session");
+    assert!(text(&error.stderr).contains("board.toml"), "{}", text(&error.stderr));
+    let with = relight(folder.path(), "calibrate session --rig rig.toml");
+    assert!(!text(&with.stderr).contains("board.toml"), "{}", text(&with.stderr));
+    let real = format!("{table}[controllers]\ncamera = \"a\"\nlight = \"b\"\n");
+    fs::write(folder.path().join("rig.toml"), real).unwrap();
+    let error = relight(folder.path(), "shoot-board --rig rig.toml --out other");
+    assert!(text(&error.stderr).contains("by hand"), "{}", text(&error.stderr));
+}
+
+#[test]
 fn a_board_is_drawn_in_millimetres() {
     let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
     for (name, head) in [("board.svg", "<svg"), ("board.pdf", "%PDF")] {

@@ -32,7 +32,7 @@ fn what_is_missing_or_wrong_is_named() {
     let good =
         "columns = 9\nrows = 7\nsquare-metres = 0.02\nmarker-metres = 0.015\ndictionary = \"DICT_4X4_50\"\n";
     for (wrong, says) in [
-        ("columns = 9", "missing field"),
+        ("columns = 9", "tells of no board"),
         (&good.replace("4X4_50", "9X9_50"), "9X9_50"),
         (&good.replace("0.015", "0.025"), "board.toml"),
         (&format!("board-to-world = {:?}\n{good}", [0.5; 16]), "board-to-world"),

@@ -12,6 +12,32 @@ use super::light::Touch;
 /// The file's longest length, bytes.
 const LONGEST: u64 = 1 << 20;
 
+/// A board as a person writes it in a rig file, measured after printing.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct BoardSettings {
+    /// Squares along x.
+    pub columns: u32,
+    /// Squares along y.
+    pub rows: u32,
+    /// Side of a square.
+    pub square_metres: f64,
+    /// Side of a marker with its black rim.
+    pub marker_metres: f64,
+    /// The markers' dictionary.
+    pub dictionary: Dictionary,
+}
+
+impl BoardSettings {
+    /// The board.
+    ///
+    /// # Errors
+    /// If there can be no such board.
+    pub fn board(&self) -> Result<Board, BoardError> {
+        Board::new(self.columns, self.rows, self.square_metres, self.marker_metres, self.dictionary)
+    }
+}
+
 /// What a person says about the board of a session.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BoardFile {
@@ -47,6 +73,13 @@ pub enum BoardFileError {
         /// Which are known.
         error: UnknownDictionary,
     },
+    /// Not all is said of the board.
+    #[error(
+        "{}: tells of no board. It wants columns, rows, square-metres, marker-metres and dictionary; or none of them, and a rig \
+         file with a table [board] (--rig).",
+        .0.display()
+    )]
+    NoBoard(PathBuf),
     /// There can be no such board.
     #[error("{}: {error}", .path.display())]
     Board {
@@ -70,11 +103,11 @@ pub enum BoardFileError {
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 struct File {
-    columns: u32,
-    rows: u32,
-    square_metres: f64,
-    marker_metres: f64,
-    dictionary: String,
+    columns: Option<u32>,
+    rows: Option<u32>,
+    square_metres: Option<f64>,
+    marker_metres: Option<f64>,
+    dictionary: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     board_to_world: Option<[f64; 16]>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -91,19 +124,26 @@ struct TouchFile {
 }
 
 impl BoardFile {
-    /// Reads a file.
+    /// Reads a file. Where it says nothing of the board, that is the rig's; with one, there need be no file.
     ///
     /// # Errors
     /// [`BoardFileError`], which names the file.
-    pub fn read(path: &Path) -> Result<BoardFile, BoardFileError> {
-        let text = read_text(path, LONGEST)?;
+    pub fn read(path: &Path, of_rig: Option<Board>) -> Result<BoardFile, BoardFileError> {
+        let text = if of_rig.is_some() && !path.exists() { String::new() } else { read_text(path, LONGEST)? };
         let path = || path.to_owned();
         let file: File =
             toml::from_str(&text).map_err(|error| BoardFileError::Malformed { path: path(), error })?;
-        let dictionary = Dictionary::named(&file.dictionary)
-            .map_err(|error| BoardFileError::Dictionary { path: path(), error })?;
-        let board = Board::new(file.columns, file.rows, file.square_metres, file.marker_metres, dictionary)
-            .map_err(|error| BoardFileError::Board { path: path(), error })?;
+        let said = (file.columns, file.rows, file.square_metres, file.marker_metres, &file.dictionary);
+        let board = match (said, of_rig) {
+            ((Some(columns), Some(rows), Some(square), Some(marker), Some(dictionary)), _) => {
+                let dictionary = Dictionary::named(dictionary)
+                    .map_err(|error| BoardFileError::Dictionary { path: path(), error })?;
+                Board::new(columns, rows, square, marker, dictionary)
+                    .map_err(|error| BoardFileError::Board { path: path(), error })?
+            }
+            ((None, None, None, None, None), Some(board)) => board,
+            _ => return Err(BoardFileError::NoBoard(path())),
+        };
         let pose = |key, numbers: Option<[f64; 16]>| {
             let pose = numbers.as_ref().map(Pose::from_matrix).transpose();
             pose.map_err(|fault| BoardFileError::Pose { path: path(), key, fault })
@@ -127,11 +167,11 @@ impl BoardFile {
     pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
         let touch = |t: &Touch| TouchFile { on_board_metres: t.on_board, in_arm_metres: t.in_arm };
         toml::to_string(&File {
-            columns: self.board.columns(),
-            rows: self.board.rows(),
-            square_metres: self.board.square(),
-            marker_metres: self.board.marker(),
-            dictionary: self.board.dictionary().name().to_owned(),
+            columns: Some(self.board.columns()),
+            rows: Some(self.board.rows()),
+            square_metres: Some(self.board.square()),
+            marker_metres: Some(self.board.marker()),
+            dictionary: Some(self.board.dictionary().name().to_owned()),
             board_to_world: self.board_to_world.as_ref().map(Pose::to_matrix),
             light_base_to_world: self.light_base_to_world.as_ref().map(Pose::to_matrix),
             touches: self.touches.iter().map(touch).collect(),
@@ -154,7 +194,18 @@ mod tests {
         for (pose, touches) in [(None, vec![]), (Some(turned), vec![touch, touch])] {
             let file = BoardFile { board, board_to_world: pose, light_base_to_world: pose, touches };
             std::fs::write(&path, file.to_toml().unwrap()).unwrap();
-            assert_eq!(BoardFile::read(&path).unwrap(), file);
+            assert_eq!(BoardFile::read(&path, None).unwrap(), file);
         }
+        // A rig's board stands in where nothing is said of one, and nowhere else.
+        let other = Board::new(5, 4, 0.03, 0.02, dictionary).unwrap();
+        assert_eq!(BoardFile::read(&path, Some(other)).unwrap().board, board);
+        std::fs::write(&path, "columns = 9").unwrap();
+        assert!(matches!(BoardFile::read(&path, Some(other)), Err(BoardFileError::NoBoard(_))));
+        std::fs::write(&path, "").unwrap();
+        assert_eq!(BoardFile::read(&path, Some(other)).unwrap().board, other);
+        assert!(matches!(BoardFile::read(&path, None), Err(BoardFileError::NoBoard(_))));
+        std::fs::remove_file(&path).unwrap();
+        assert_eq!(BoardFile::read(&path, Some(other)).unwrap().touches, []);
+        assert!(matches!(BoardFile::read(&path, None), Err(BoardFileError::Read(_))));
     }
 }

@@ -29,7 +29,7 @@ mod viewpoint;
 mod zhang;
 
 pub use board::{Board, BoardError};
-pub use board_file::{BoardFile, BoardFileError};
+pub use board_file::{BoardFile, BoardFileError, BoardSettings};
 pub use calibrate::{CalibrationError, Measurements, WaypointView, calibrate};
 pub use detection::{Corner, DetectionError, detect};
 pub use dictionary::{Dictionary, UnknownDictionary};

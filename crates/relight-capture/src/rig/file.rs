@@ -9,6 +9,7 @@ use serde::Deserialize;
 use super::arms_rig::Pace;
 use super::error::SetupError;
 use super::suggestion::with_suggestion;
+use crate::calibration::BoardSettings;
 use crate::camera::{Development, GigeSettings};
 use crate::kinematics::ArmsSettings;
 use crate::robot::JointSpeed;
@@ -44,6 +45,8 @@ pub struct RigFile {
     pub development: Developing,
     /// What is done around each photograph.
     pub session: Care,
+    /// The board that calibrates the rig.
+    pub board: Option<BoardSettings>,
 }
 
 /// Where the controllers of both arms listen, each HOST or HOST:PORT.
@@ -206,6 +209,9 @@ impl RigFile {
         {
             return Err("[lens] focal-pixels must be positive, and all its numbers finite".to_owned());
         }
+        if let Some(Err(error)) = self.board.as_ref().map(BoardSettings::board) {
+            return Err(format!("[board] {error}"));
+        }
         let Developing { white_balance, black_level } = self.development;
         if !white_balance.iter().all(|gain| gain.is_finite() && *gain > 0.0) {
             return Err("[development] white-balance: give three positive gains".to_owned());
@@ -312,6 +318,10 @@ mod tests {
             ("[session]\ndark-frames = 2\n[photographs]\nfrom = \"virtual\"", "raw = true"),
             ("[development]\nwhite-balance = [1, 0, 1]", "white-balance"),
             ("[development]\nblack-level = 255", "black-level"),
+            (
+                "[board]\ncolumns = 2\nrows = 9\nsquare-metres = 0.03\nmarker-metres = 0.02\ndictionary = \"4X4_50\"",
+                "[board] a board of 2x9 squares",
+            ),
         ] {
             let error = read(text).unwrap_err();
             assert!(error.contains(says), "{error}");

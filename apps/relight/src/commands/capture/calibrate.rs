@@ -10,6 +10,7 @@ use relight_capture::calibration::{
     BOARD, Board, BoardFile, CALIBRATION, Calibration, LENS_VIEWS, Measurements, RECHECK, Tolerance, VIEWS,
     WaypointView, calibrate, load, recheck, store,
 };
+use relight_capture::rig::RigFile;
 use relight_scene::read_image;
 
 use crate::console::{Progress, print_json, print_line};
@@ -44,6 +45,9 @@ pub struct Args {
     /// An earlier calibration of the same camera at the same focus: what was known of the lens then counts too.
     #[arg(long, value_name = "FILE", conflicts_with = "recheck")]
     lens: Option<PathBuf>,
+    /// A rig file whose table [board] tells of the board, where SESSION/board.toml does not.
+    #[arg(long, value_name = "FILE")]
+    rig: Option<PathBuf>,
     /// Say whether the stored calibration still holds, by new photographs of some waypoints; exit status 1 if not.
     #[arg(long)]
     recheck: bool,
@@ -53,7 +57,9 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
-    let file = BoardFile::read(&args.session.join(BOARD))?;
+    let of_rig = args.rig.as_deref().map(RigFile::read).transpose()?.and_then(|file| file.board);
+    let of_rig = of_rig.map(|board| board.board()).transpose()?;
+    let file = BoardFile::read(&args.session.join(BOARD), of_rig)?;
     let board = file.board;
     if args.recheck {
         return check(args, &board, quiet);

@@ -7,7 +7,7 @@ use relight_capture::calibration::{Corner, detect};
 use relight_scene::read_image;
 use serde::Serialize;
 
-use super::board::BoardOptions;
+use super::board::{BoardOfRig, described};
 use crate::console::{print_json, print_line};
 
 /// Find the corners of a ChArUco board in an image.
@@ -24,7 +24,7 @@ pub struct Args {
     /// A PNG, JPEG or WebP image.
     image: PathBuf,
     #[command(flatten)]
-    board: BoardOptions,
+    board: BoardOfRig,
     /// One JSON object on standard output.
     #[arg(long)]
     json: bool,
@@ -42,7 +42,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     if corners.is_empty() {
         tracing::warn!(
             "{file}: no {} is seen; check columns, rows and dictionary, and that the board is lit, sharp and mostly inside the image",
-            args.board
+            described(&board)
         );
     }
     if args.json {

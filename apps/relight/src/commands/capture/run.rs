@@ -20,7 +20,7 @@ use crate::commands::render::size;
 use crate::console::{Progress, cancel_flag, print_line, unless};
 
 /// The rig that needs no file.
-const VIRTUAL: &str = "virtual";
+pub const VIRTUAL: &str = "virtual";
 /// Size of virtual photographs.
 const SIZE: (u32, u32) = (320, 240);
 
@@ -111,6 +111,12 @@ exposure-microseconds = 12000.0        # fixed for the session\n  \
 [lens]                                 # roughly, for sessions without --calibration\n  \
 focal-pixels = [2350.0, 2350.0]\n  \
 centre-pixels = [719.5, 539.5]\n\n  \
+[board]                                # that calibrates the rig, for board, detect, calibrate, shoot-board\n  \
+columns = 12                           # squares\n  \
+rows = 9\n  \
+square-metres = 0.027                  # measured on the print\n  \
+marker-metres = 0.02025\n  \
+dictionary = \"DICT_5X5_100\"\n\n  \
 [development]                          # of raw photographs\n  \
 white-balance = [1.0, 1.0, 1.0]\n  \
 black-level = 0.0";

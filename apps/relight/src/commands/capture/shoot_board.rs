@@ -1,12 +1,13 @@
 //! `relight capture shoot-board`: photographs and touches of a board, to calibrate by.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use anyhow::bail;
-use clap::ValueEnum;
+use anyhow::{Context, bail, ensure};
+use relight_capture::rig::{Photographs, RigFile};
 use relight_capture::virtual_rig::{BoardCapture, MOST_TOUCHES, TRUTH, VirtualCapture};
 
-use super::board::BoardOptions;
+use super::board::{BoardOptions, described};
+use super::run::VIRTUAL;
 use crate::commands::render::size;
 use crate::console::{Progress, cancel_flag, print_line, unless};
 
@@ -22,9 +23,9 @@ use crate::console::{Progress, cancel_flag, print_line, unless};
      Writes SESSION/board.toml, SESSION/board/LABEL.png, SESSION/lens/LABEL.png, and SESSION/{TRUTH}, which calibrating never reads."
 ))]
 pub struct Args {
-    /// What shoots.
-    #[arg(long, default_value = "virtual")]
-    rig: RigKind,
+    /// Whose board, waypoints and arms: `virtual`, or a rig file; what shoots is the path tracer.
+    #[arg(long, default_value = VIRTUAL, value_name = "virtual|FILE")]
+    rig: String,
     /// Folder of the session, made anew.
     #[arg(long, value_name = "SESSION")]
     out: PathBuf,
@@ -33,9 +34,9 @@ pub struct Args {
     /// Size of the photographs.
     #[arg(long, value_name = "WxH", default_value = "1440x1080", value_parser = size)]
     size: (u32, u32),
-    /// Camera waypoints.
-    #[arg(long, value_name = "N", default_value_t = 50)]
-    views: usize,
+    /// Camera waypoints [default: 50, or the rig file's].
+    #[arg(long, value_name = "N")]
+    views: Option<usize>,
     /// Photographs for the lens alone.
     #[arg(long, value_name = "N", default_value_t = 12)]
     lens_views: usize,
@@ -56,21 +57,28 @@ pub struct Args {
     resume: bool,
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum RigKind {
-    /// A path tracer in the place of arms, lamp and camera.
-    Virtual,
-}
-
 pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
-    // The only one.
-    let RigKind::Virtual = args.rig;
-    let mut plan = VirtualCapture::domes();
-    plan.camera.waypoints = args.views;
+    let (mut plan, arms, of_rig) = if args.rig == VIRTUAL {
+        (VirtualCapture::domes(), VirtualCapture::arms(), None)
+    } else {
+        let file = RigFile::read(Path::new(&args.rig))?;
+        ensure!(
+            matches!(file.photographs, Some(Photographs::Virtual { .. }) | None)
+                && file.controllers.is_none(),
+            "{}: has a real camera or real arms, and only virtual photographs are taken of a board; take real ones by hand \
+             into a session's folder (relight capture calibrate --help)",
+            args.rig
+        );
+        let arms =
+            file.arms.clone().with_context(|| format!("{}: has no arms; add a table [arms]", args.rig))?;
+        (file.plan_settings(), arms, file.board)
+    };
+    plan.camera.waypoints = args.views.unwrap_or(plan.camera.waypoints);
+    let board = args.board.board(of_rig.as_ref())?;
     let capture = BoardCapture {
-        board: args.board.board()?,
+        board,
         plan,
-        arms: VirtualCapture::arms(),
+        arms,
         lens_views: args.lens_views,
         touches: args.touches as usize,
         distortion: args.distortion.unwrap_or_default(),
@@ -80,7 +88,7 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         seed: args.seed,
     };
     let cancel = cancel_flag()?;
-    let bar = Progress::new("shooting", (args.views + args.lens_views) as u64, quiet);
+    let bar = Progress::new("shooting", (plan.camera.waypoints + args.lens_views) as u64, quiet);
     let mut photographs = 0;
     let complete = capture.shoot(&args.out, args.resume, &mut |done, total| {
         photographs = total;
@@ -95,7 +103,7 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let (views, lens, touches) = (photographs - args.lens_views, args.lens_views, args.touches);
     print_line(&format!(
         "{out}: a {} from {views} waypoints, {lens} photographs for the lens, {touches} touches; next: relight capture calibrate {out}",
-        args.board
+        described(&board)
     ))
 }
 
