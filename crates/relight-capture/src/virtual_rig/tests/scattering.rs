@@ -3,9 +3,11 @@
 use std::f32::consts::PI;
 
 use glam::Vec3A;
+use serde::Deserialize;
 
 use super::super::bsdf::Facing;
 use super::super::material::Surface;
+use super::super::microfacet::{Interface, Microfacets};
 use super::super::random::{hash, stratified, uniform};
 use super::super::{Material, Texture};
 
@@ -123,5 +125,43 @@ fn nothing_opaque_lets_light_through() {
         let bsdf = surface.bsdf([0.0; 2], Vec3A::ZERO, false);
         let below = bsdf.eval(&facing(0.8), Vec3A::new(0.6, 0.0, -0.8)).x;
         assert_eq!(below > 0.0, name == "translucent", "{name}: {below}");
+    }
+}
+
+/// Random walks over facets under one cosine (`tools/golden_microfacets.py`): means and their standard errors.
+#[derive(Debug, Deserialize)]
+struct Walk {
+    kind: String,
+    /// The metal's reflectance, or the index of refraction.
+    value: f32,
+    alpha: f64,
+    cosine: f32,
+    /// Share of light that leaves after one facet.
+    once: [f32; 2],
+    /// The same, after any number.
+    ever: [f32; 2],
+}
+
+#[test]
+fn facets_send_back_what_random_walks_over_them_do() {
+    let walks: Vec<Walk> =
+        serde_json::from_str(include_str!("../../../tests/golden/microfacets.json")).unwrap();
+    for walk in &walks {
+        let metal = walk.kind == "metal";
+        let interface = if metal { Interface::Conductor } else { Interface::Dielectric { ior: walk.value } };
+        // Tables hold the share of clear facets, and of white metal's.
+        if !metal || walk.value == 1.0 {
+            let share = 1.0 - Microfacets::new(walk.alpha, interface).unreflected(walk.cosine);
+            let [expected, error] = walk.once;
+            assert!((share - expected).abs() < 4.0 * error + 2e-3, "{walk:?}: {share}");
+        }
+        // From facet to facet colour saturates, which one mean reflectance tells roughly.
+        if metal {
+            let colour = Texture::Uniform([walk.value; 3]);
+            let material = Material::Conductor { reflectance: colour, alpha: walk.alpha };
+            let short = 1.0 - albedo(&material, walk.cosine, 3).x / walk.ever[0];
+            let most = if walk.alpha > 0.5 { 0.1 } else { 0.035 };
+            assert!((-0.01..most).contains(&short), "{walk:?}: {short}");
+        }
     }
 }
