@@ -100,6 +100,7 @@ fn corners_are_where_opencv_and_the_truth_have_them() {
         }
         // OpenCV's own window reaches into the markers where squares are small: there it is the one that is off.
         assert!(from_opencv < of_opencv.max(0.03) + 0.02, "{}", case.image);
+        assert!(of_opencv > 0.05 || from_opencv <= 0.05, "{}", case.image);
         all.extend(truth);
     }
     println!("{} corners, {:.4} px RMS from the truth", all.len(), rms(&all));
