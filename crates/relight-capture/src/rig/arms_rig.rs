@@ -35,13 +35,13 @@ pub trait Eye {
     /// Takes a photograph.
     ///
     /// # Errors
-    /// As [`Camera::shoot`].
+    /// As [`Camera::shoot`](crate::camera::Camera::shoot).
     fn shoot(&mut self, stance: &Stance) -> Result<Frame, CameraError>;
 
     /// Lets the following photographs be exposed for a multiple of the session's time.
     ///
     /// # Errors
-    /// As [`Camera::expose`].
+    /// As [`Camera::expose`](crate::camera::Camera::expose).
     fn expose(&mut self, multiple: f64) -> Result<(), CameraError> {
         if multiple == 1.0 { Ok(()) } else { Err(CameraError::fixed_exposure()) }
     }

@@ -81,7 +81,7 @@ impl BoardOptions {
 /// Which board, where nothing else is asked of a rig file.
 #[derive(clap::Args)]
 pub struct BoardOfRig {
-    /// A rig file with a table [board].
+    /// A rig file with a table `[board]`.
     #[arg(long, value_name = "FILE")]
     rig: Option<PathBuf>,
     #[command(flatten)]

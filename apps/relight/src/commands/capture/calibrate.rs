@@ -45,7 +45,7 @@ pub struct Args {
     /// An earlier calibration of the same camera at the same focus: what was known of the lens then counts too.
     #[arg(long, value_name = "FILE", conflicts_with = "recheck")]
     lens: Option<PathBuf>,
-    /// A rig file whose table [board] tells of the board, where SESSION/board.toml does not.
+    /// A rig file whose table `[board]` tells of the board, where SESSION/board.toml does not.
     #[arg(long, value_name = "FILE")]
     rig: Option<PathBuf>,
     /// Say whether the stored calibration still holds, by new photographs of some waypoints; exit status 1 if not.
