@@ -62,6 +62,13 @@ impl Browser {
 
     /// The result of a method.
     pub fn call(&mut self, method: &str, parameters: Value) -> Value {
+        let told = self.answer(method, parameters);
+        assert!(told["error"].is_null(), "{method}: {told}");
+        told["result"].clone()
+    }
+
+    /// The answer to a method: a result, or an error.
+    fn answer(&mut self, method: &str, parameters: Value) -> Value {
         self.last += 1;
         let mut message = json!({ "id": self.last, "method": method, "params": parameters });
         if !self.session.is_empty() {
@@ -73,8 +80,7 @@ impl Browser {
         loop {
             let told = self.read();
             if told["id"] == self.last {
-                assert!(told["error"].is_null(), "{method}: {told}");
-                return told["result"].clone();
+                return told;
             }
         }
     }
@@ -100,15 +106,25 @@ impl Browser {
 
     /// What an expression is worth on the page.
     pub fn ask(&mut self, expression: &str) -> Value {
-        let told = self.call("Runtime.evaluate", json!({ "expression": expression, "returnByValue": true }));
-        assert!(told["exceptionDetails"].is_null(), "{expression}: {told}");
-        told["result"]["value"].clone()
+        self.evaluate(expression).unwrap_or_else(|error| panic!("{expression}: {error}"))
     }
 
-    /// Waits until an expression is true.
+    /// As [`Browser::ask`], or the error if the page was left before it answered.
+    fn evaluate(&mut self, expression: &str) -> Result<Value, Value> {
+        let told =
+            self.answer("Runtime.evaluate", json!({ "expression": expression, "returnByValue": true }));
+        if !told["error"].is_null() {
+            return Err(told["error"].clone());
+        }
+        let result = &told["result"];
+        assert!(result["exceptionDetails"].is_null(), "{expression}: {result}");
+        Ok(result["result"]["value"].clone())
+    }
+
+    /// Waits until an expression is true; pages may be left meanwhile.
     pub fn wait(&mut self, expression: &str) {
         let begun = Instant::now();
-        while self.ask(&format!("!!({expression})")) != true {
+        while self.evaluate(&format!("!!({expression})")) != Ok(true.into()) {
             assert!(begun.elapsed() < PATIENCE, "never true: {expression}");
             std::thread::sleep(Duration::from_millis(20));
         }
@@ -117,7 +133,8 @@ impl Browser {
     /// Clicks an element and waits for the page that this leads to.
     pub fn follow(&mut self, selector: &str) {
         self.ask("window.isOld = true");
-        self.ask(&format!("document.querySelector({}).click()", json!(selector)));
+        // The page may be left before it answers.
+        drop(self.evaluate(&format!("document.querySelector({}).click()", json!(selector))));
         self.wait("!window.isOld && document.readyState === 'complete'");
     }
 
