@@ -12,6 +12,7 @@ mod maps;
 mod path_file;
 pub mod paths;
 mod picture;
+mod pixel_order;
 mod placement;
 mod rays;
 mod video;

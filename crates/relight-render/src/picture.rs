@@ -1,16 +1,18 @@
-//! A whole picture, drawn strip by strip.
+//! A whole picture, drawn some tiles at a time.
 
 use std::ops::ControlFlow;
 
+use rayon::prelude::*;
 use relight_field::engine::{Engine, EngineError, LightPose, Outputs, RenderSettings, Samples};
 use relight_scene::{Intrinsics, Pose};
 
 use crate::error::RenderError;
+use crate::pixel_order::in_tiles;
 use crate::rays::camera_rays;
 
 /// Rays handed to the engine at once: enough to keep all cores busy, few enough to bound memory and to report
 /// progress often.
-const STRIP: usize = 1 << 14;
+const BATCH: usize = 1 << 15;
 /// Limits of a picture.
 const LONGEST_SIDE: u32 = 1 << 14;
 const MOST_PIXELS: usize = 1 << 26;
@@ -49,7 +51,7 @@ pub fn check_size(width: u32, height: u32) -> Result<(), RenderError> {
 
 /// Draws the field from the camera at `pose` under the light at `light` (light-to-world).
 ///
-/// `progress` is told the pixels done and the pixels in all after each strip of the picture; if it answers
+/// `progress` is told the pixels done and the pixels in all after each batch of them; if it answers
 /// [`ControlFlow::Break`], drawing stops.
 ///
 /// # Errors
@@ -66,15 +68,16 @@ pub fn render(
 ) -> Result<Picture, RenderError> {
     let (width, height) = (intrinsics.width, intrinsics.height);
     check_size(width, height)?;
-    let pixels = width as usize * height as usize;
+    let all = width as usize * height as usize;
     let light = LightPose(light.row_major_f32());
     let mut picture = Picture { width, height, ..Picture::default() };
-    for start in (0..pixels).step_by(STRIP) {
-        let end = pixels.min(start + STRIP);
-        let rays = camera_rays(intrinsics, pose, start..end);
+    let mut order = in_tiles(width as usize, height as usize);
+    for done in (0..all).step_by(BATCH) {
+        let pixels: Vec<usize> = order.by_ref().take(BATCH).collect();
+        let rays = camera_rays(intrinsics, pose, pixels.par_iter().copied());
         let samples = engine.render(&rays, &light, outputs, settings)?;
-        picture.append(samples, end)?;
-        if progress(end, pixels).is_break() {
+        picture.put(&pixels, &samples)?;
+        if progress(done + pixels.len(), all).is_break() {
             return Err(RenderError::Cancelled);
         }
     }
@@ -82,18 +85,30 @@ pub fn render(
 }
 
 impl Picture {
-    /// Appends the samples of a strip, after which `pixels` pixels are done.
-    fn append(&mut self, samples: Samples, pixels: usize) -> Result<(), RenderError> {
-        self.colour.extend(samples.colour);
-        self.visibility.extend(samples.visibility);
-        self.reflectance.extend(samples.reflectance);
-        self.depth.extend(samples.depth);
-        self.opacity.extend(samples.opacity);
-        let always = [self.colour.len(), self.depth.len(), self.opacity.len()];
-        let sometimes = [self.visibility.len(), self.reflectance.len()];
-        if always.iter().any(|&n| n != pixels) || sometimes.iter().any(|&n| n != pixels && n != 0) {
+    /// Puts samples in their pixels.
+    fn put(&mut self, pixels: &[usize], samples: &Samples) -> Result<(), RenderError> {
+        let always = [samples.colour.len(), samples.depth.len(), samples.opacity.len()];
+        let sometimes = [samples.visibility.len(), samples.reflectance.len()];
+        let n = pixels.len();
+        if always.iter().any(|&m| m != n) || sometimes.iter().any(|&m| m != n && m != 0) {
             return Err(EngineError::Shape("the engine did not answer every ray once".to_owned()).into());
         }
+        let all = self.width as usize * self.height as usize;
+        put_map(&mut self.colour, all, pixels, &samples.colour);
+        put_map(&mut self.visibility, all, pixels, &samples.visibility);
+        put_map(&mut self.reflectance, all, pixels, &samples.reflectance);
+        put_map(&mut self.depth, all, pixels, &samples.depth);
+        put_map(&mut self.opacity, all, pixels, &samples.opacity);
         Ok(())
+    }
+}
+
+/// Puts values in their pixels of a map of `all` pixels, if there are values.
+fn put_map<T: Copy + Default>(map: &mut Vec<T>, all: usize, pixels: &[usize], values: &[T]) {
+    if !values.is_empty() {
+        map.resize(all, T::default());
+    }
+    for (&pixel, &value) in pixels.iter().zip(values) {
+        map[pixel] = value;
     }
 }

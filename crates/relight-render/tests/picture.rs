@@ -42,8 +42,8 @@ proptest! {
 }
 
 #[test]
-fn a_picture_in_strips_is_the_picture_in_one() {
-    let (lens, camera, light) = (lens(200, 150), looking(0.6, 0.3, 0.5), looking(0.4, 1.2, 0.9));
+fn a_picture_in_tiles_is_the_picture_in_one() {
+    let (lens, camera, light) = (lens(300, 150), looking(0.6, 0.3, 0.5), looking(0.4, 1.2, 0.9));
     let engine = Ball::default();
     let mut told = Vec::new();
     let picture = render(&engine, &lens, &camera, &light, EVERYTHING, &SETTINGS, &mut |done, all| {
@@ -51,10 +51,10 @@ fn a_picture_in_strips_is_the_picture_in_one() {
         ControlFlow::Continue(())
     })
     .unwrap();
-    assert!(told.len() > 1, "more than one strip");
-    assert_eq!(told.last(), Some(&(30_000, 30_000)));
+    assert!(told.len() > 1, "more than one batch");
+    assert_eq!(told.last(), Some(&(45_000, 45_000)));
 
-    let rays = camera_rays(&lens, &camera, 0..30_000);
+    let rays = camera_rays(&lens, &camera, 0..45_000);
     let light = LightPose(light.row_major_f32());
     let whole = engine.render(&rays, &light, EVERYTHING, &SETTINGS).unwrap();
     assert_eq!(picture.colour, whole.colour);
@@ -75,7 +75,7 @@ fn the_ball_is_where_the_camera_looks() {
 
 #[test]
 fn drawing_stops_when_told() {
-    let mut strips = 0;
+    let mut batches = 0;
     let stopped = render(
         &Ball::default(),
         &lens(300, 200),
@@ -84,12 +84,12 @@ fn drawing_stops_when_told() {
         Outputs::default(),
         &SETTINGS,
         &mut |_, _| {
-            strips += 1;
+            batches += 1;
             ControlFlow::Break(())
         },
     );
     assert!(matches!(stopped, Err(RenderError::Cancelled)));
-    assert_eq!(strips, 1);
+    assert_eq!(batches, 1);
 }
 
 #[test]
