@@ -9,7 +9,7 @@ mod level_gradient;
 
 use std::time::Instant;
 
-use fearless_simd::{Level, Simd, dispatch};
+use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*};
 use rayon::prelude::*;
 use relight_field::engine::StageCost;
 use relight_field::parameters::{GridConfig, Level as GridLevel};
@@ -22,6 +22,8 @@ use level_gradient::LevelGradient;
 
 /// Corners of a cell.
 const CORNERS: usize = 8;
+/// Bytes of a table that is not asked of memory ahead when samples are encoded.
+const NEAR: usize = 1 << 18;
 /// Operations of a corner: its weight, and what it adds to two features or gets from them; the fractions that all corners
 /// share in part.
 const OPERATIONS: f64 = 6.75;
@@ -194,14 +196,33 @@ fn encode_level<S: Simd>(
         #[inline(always)]
         || {
             let (row0, row1) = rows.split_at_mut(columns);
+            // Smaller tables come from a near cache, sooner than asking pays.
+            let ahead = size_of_val(table) > NEAR;
             let mut next = Corners::around(simd, level, positions, columns, 0);
-            next.ask(table, |_| true);
+            if ahead {
+                next.ask(table, |_| true);
+            }
             for c in (0..columns).step_by(GROUP) {
                 let here = next;
                 let after = (c + GROUP).min(columns - GROUP);
                 next = Corners::around(simd, level, positions, columns, after);
-                next.ask(table, |_| true);
+                if ahead {
+                    next.ask(table, |_| true);
+                }
                 let (row0, row1) = (&mut row0[c..c + GROUP], &mut row1[c..c + GROUP]);
+                // Neighbouring pixels often do on coarse levels.
+                if here.share_entries(simd) {
+                    let mut sum = [f32x16::splat(simd, 0.0); 2];
+                    for corner in 0..CORNERS {
+                        let entry = table[here.index[corner][0] as usize];
+                        let weight = f32x16::from_slice(simd, &here.weight[corner]);
+                        sum[0] = f32x16::splat(simd, entry[0]).mul_add(weight, sum[0]);
+                        sum[1] = f32x16::splat(simd, entry[1]).mul_add(weight, sum[1]);
+                    }
+                    sum[0].store_slice(row0);
+                    sum[1].store_slice(row1);
+                    continue;
+                }
                 for i in 0..GROUP {
                     let mut sum = [0.0; 2];
                     for corner in 0..CORNERS {
@@ -242,6 +263,9 @@ mod tests {
         (0..2 * config.entries() as u64).map(|i| random.uniform_at(i) - 0.5).collect()
     }
 
+    /// Samples that lie together in one cell of most levels.
+    const CROWD: std::ops::Range<usize> = 64..80;
+
     /// Random positions; among the first of them all corners of the cube and points on its faces and beyond them.
     fn positions() -> Vec<[f32; 3]> {
         let random = Random::new(5, 1);
@@ -254,6 +278,9 @@ mod tests {
                 8..14 => p[(i - 8) / 2] = (i % 2) as f32,
                 _ => p[(i - 14) / 2] = if i % 2 == 0 { -0.3 } else { 1.7 },
             }
+        }
+        for p in &mut positions[CROWD] {
+            *p = p.map(|u| 0.41 + 0.005 * u);
         }
         positions
     }

@@ -44,6 +44,15 @@ impl Corners {
         corners
     }
 
+    /// Whether all samples of the group have the same entries, as those in one cell do.
+    #[inline(always)]
+    pub fn share_entries<S: Simd>(&self, simd: S) -> bool {
+        self.index.iter().all(|index| {
+            let first = u32x16::splat(simd, index[0]);
+            u32x16::from_slice(simd, index).simd_eq(first).all_true()
+        })
+    }
+
     /// Asks memory for the entries of all corners of those samples of the group that are `wanted`.
     #[inline(always)]
     pub fn ask<E>(&self, entries: &[E], wanted: impl Fn(usize) -> bool) {
