@@ -9,6 +9,7 @@ use crate::dense::padded;
 use crate::front_to_back::FrontToBack;
 use crate::hash_grid::{TiledPositions, set_position};
 use crate::march::along;
+use crate::pool::Pool;
 use crate::samples::{Jitter, Marcher, SampleBatch};
 use crate::shade::{CodedLight, Point};
 use crate::tile::Workspace;
@@ -23,6 +24,7 @@ const QUERY_POINTS: usize = 192;
 /// Draws rays under one light.
 pub fn draw(
     marcher: &Marcher<'_>,
+    memories: &Pool<DrawMemory>,
     sampling: Sampling,
     shading: Shading,
     rays: &Rays,
@@ -35,18 +37,19 @@ pub fn draw(
     }
     let blocks: Vec<Samples> = (0..n.div_ceil(BLOCK_RAYS))
         .into_par_iter()
-        .map_init(Memory::default, |memory, block| {
-            let range = block * BLOCK_RAYS..((block + 1) * BLOCK_RAYS).min(n);
-            let rays = Rays {
-                origins: rays.origins[range.clone()].to_vec(),
-                directions: rays.directions[range].to_vec(),
-            };
-            match shading {
-                Shading::Deferred => draw_deferred(marcher, memory, sampling, &rays, light, outputs),
-                Shading::PerSample => {
-                    draw_per_sample(marcher, &mut memory.samples, sampling, &rays, light, outputs)
+        .with_max_len(1)
+        .map(|block| {
+            memories.with(DrawMemory::default, |memory| {
+                let range = block * BLOCK_RAYS..((block + 1) * BLOCK_RAYS).min(n);
+                memory.rays.origins.clear();
+                memory.rays.origins.extend_from_slice(&rays.origins[range.clone()]);
+                memory.rays.directions.clear();
+                memory.rays.directions.extend_from_slice(&rays.directions[range]);
+                match shading {
+                    Shading::Deferred => draw_deferred(marcher, memory, sampling, light, outputs),
+                    Shading::PerSample => draw_per_sample(marcher, memory, sampling, light, outputs),
                 }
-            }
+            })
         })
         .collect();
     let mut all = Samples::default();
@@ -60,9 +63,10 @@ pub fn draw(
     Ok(all)
 }
 
-/// Memory of one thread.
+/// Memory of one thread, reused from block to block and from picture to picture.
 #[derive(Default)]
-struct Memory {
+pub struct DrawMemory {
+    rays: Rays,
     samples: SampleBatch,
     seen: FrontToBack,
 }
@@ -75,13 +79,13 @@ fn tile_rays(sampling: Sampling) -> usize {
 /// Looks along the rays, then decodes one colour for each.
 fn draw_deferred(
     marcher: &Marcher<'_>,
-    memory: &mut Memory,
+    memory: &mut DrawMemory,
     sampling: Sampling,
-    rays: &Rays,
     light: &CodedLight,
     outputs: Outputs,
 ) -> Samples {
-    let (n, Memory { samples, seen }) = (rays.origins.len(), memory);
+    let DrawMemory { rays, samples, seen } = memory;
+    let n = rays.origins.len();
     samples.place(marcher, rays, sampling, tile_rays(sampling), Jitter(None));
     seen.look(marcher, rays, samples);
     let mut results =
@@ -117,12 +121,12 @@ fn draw_deferred(
 /// Decodes a colour at every sample that weighs something.
 fn draw_per_sample(
     marcher: &Marcher<'_>,
-    batch: &mut SampleBatch,
+    memory: &mut DrawMemory,
     sampling: Sampling,
-    rays: &Rays,
     light: &CodedLight,
     outputs: Outputs,
 ) -> Samples {
+    let DrawMemory { rays, samples: batch, .. } = memory;
     batch.fill(marcher, rays, sampling, tile_rays(sampling), Jitter(None));
     let with_visibility = outputs.visibility && marcher.networks.vis.is_some();
     let mut results = Samples::default();

@@ -14,6 +14,7 @@ use relight_field::sampling::{EngineConfig, Sampling};
 
 use crate::adam::{Adam, Moments};
 use crate::density_grid::DensityGrid;
+use crate::draw::DrawMemory;
 use crate::experience::Experience;
 use crate::hash_grid::HashGrid;
 use crate::march::UnitCube;
@@ -53,6 +54,7 @@ pub struct CpuEngine {
     /// How many of them, from the first on, had tiles in the last step.
     lanes_used: usize,
     workspaces: Pool<Workspace>,
+    drawing: Pool<DrawMemory>,
     costs: Costs,
 }
 
@@ -92,6 +94,7 @@ impl CpuEngine {
             lanes: Lane::all(&gradients),
             lanes_used: 0,
             workspaces: Pool::default(),
+            drawing: Pool::default(),
             costs: Costs::default(),
             field,
         })
@@ -175,6 +178,7 @@ impl Engine for CpuEngine {
     ) -> Result<Samples, EngineError> {
         crate::draw::draw(
             &self.marcher(),
+            &self.drawing,
             self.sampling_for(settings),
             self.config.shading,
             rays,
