@@ -97,7 +97,8 @@ pub fn evaluate(
     if frames.is_empty() {
         return Err(TrainError::Data(format!("{}: the split {split} holds no images", scene.root.display())));
     }
-    refuse_black(scene, frames)?;
+    // Before anything is drawn.
+    read_truth(scene, frames, |_| ())?;
     let mean_image = mean_image(scene, train);
     let nearest = NearestLight::new(scene, &splits.train);
     let mut images = Vec::with_capacity(frames.len());
@@ -133,16 +134,22 @@ pub fn evaluate(
     }))
 }
 
-/// Refuses ground truth that is all black, before anything is drawn.
-pub(crate) fn refuse_black(scene: &Scene, frames: &[usize]) -> Result<(), TrainError> {
-    let is_black = |&frame: &usize| Ok((frame, scene.read_frame(frame)?.is_black()));
-    let read: Vec<(usize, bool)> = frames.par_iter().map(is_black).collect::<Result<_, TrainError>>()?;
-    let mut black = read.iter().filter(|(_, black)| *black).map(|&(frame, _)| frame);
-    match black.next() {
-        None => Ok(()),
+/// Reads the ground truth of all `frames`, refuses it if any is all black, and returns what `keep` keeps of each image.
+pub(crate) fn read_truth<T: Send>(
+    scene: &Scene,
+    frames: &[usize],
+    keep: impl Fn(&Image) -> T + Sync,
+) -> Result<Vec<T>, TrainError> {
+    let read = |&frame: &usize| {
+        let image = scene.read_frame(frame)?;
+        Ok((keep(&image), image.is_black()))
+    };
+    let read: Vec<(T, bool)> = frames.par_iter().map(read).collect::<Result<_, TrainError>>()?;
+    match read.iter().position(|(_, black)| *black) {
+        None => Ok(read.into_iter().map(|(kept, _)| kept).collect()),
         Some(first) => Err(TrainError::BlackGroundTruth {
-            path: scene.frames[first].path.clone(),
-            count: 1 + black.count(),
+            path: scene.frames[frames[first]].path.clone(),
+            count: read.iter().filter(|(_, black)| *black).count(),
             total: frames.len(),
         }),
     }

@@ -8,7 +8,7 @@ use relight_metrics::{MetricError, psnr, ssim};
 use relight_scene::{Image, Intrinsics, Scene};
 
 use crate::TrainError;
-use crate::evaluation::refuse_black;
+use crate::evaluation::read_truth;
 use crate::picture::draw;
 
 /// The images to compare with.
@@ -35,20 +35,13 @@ impl<'a> Validation<'a> {
     /// # Errors
     /// [`TrainError::Scene`] if an image cannot be read; [`TrainError::BlackGroundTruth`] if one is all black.
     pub fn load(scene: &'a Scene, frames: &[usize], pixels: usize) -> Result<Self, TrainError> {
-        let size = |&frame: &usize| {
-            let camera = &scene.cameras[scene.frames[frame].camera].intrinsics;
-            camera.width as usize * camera.height as usize
-        };
-        let all: usize = frames.iter().map(size).sum();
+        let camera = |frame: usize| &scene.cameras[scene.frames[frame].camera].intrinsics;
+        let all: usize = frames.iter().map(|&f| camera(f).width as usize * camera(f).height as usize).sum();
         let stride = (1..=64).find(|k| all.div_ceil(k * k) <= pixels).unwrap_or(64);
-        refuse_black(scene, frames)?;
-        let mut images = Vec::with_capacity(frames.len());
-        for &frame in frames {
-            let camera = &scene.cameras[scene.frames[frame].camera];
-            let image = decimated(&scene.read_frame(frame)?, stride);
-            images.push((frame, decimated_camera(&camera.intrinsics, stride), image));
-        }
-        Ok(Self { scene, images })
+        let truth = read_truth(scene, frames, |image| decimated(image, stride))?;
+        let images = frames.iter().zip(truth);
+        let images = images.map(|(&frame, image)| (frame, decimated_camera(camera(frame), stride), image));
+        Ok(Self { scene, images: images.collect() })
     }
 
     /// Whether there is nothing to compare with.
