@@ -1,7 +1,7 @@
 //! The two products that networks are made of, against the machine's peak.
 use divan::counter::ItemsCount;
 use fearless_simd::Level;
-use relight_cpu::dense::{Matrix, Store, accumulate_outer, multiply};
+use relight_cpu::dense::{Matrix, MatrixMut, Store, accumulate_outer, multiply};
 
 const COLUMNS: usize = 192;
 const FLOPS: usize = 2 * 64 * 64 * COLUMNS;
@@ -17,7 +17,7 @@ fn layer(bencher: divan::Bencher<'_, '_>) {
     let (level, a) = (Level::new(), Matrix { data: &a, stride: 64, first: 0 });
     bencher
         .counter(ItemsCount::new(FLOPS))
-        .bench_local(|| multiply(level, a, &x, &mut y, (64, 64, COLUMNS), Store::Rectified));
+        .bench_local(|| multiply(level, a, &x, &mut y, (64, 64, COLUMNS), None, Store::Rectified));
 }
 
 #[divan::bench]
@@ -25,9 +25,10 @@ fn weight_gradient(bencher: divan::Bencher<'_, '_>) {
     let (dy, x) = (vec![0.5f32; 64 * COLUMNS], vec![0.25f32; 64 * COLUMNS]);
     let mut w = vec![0.0f32; 64 * 64];
     let level = Level::new();
-    bencher
-        .counter(ItemsCount::new(FLOPS))
-        .bench_local(|| accumulate_outer(level, &dy, &x, &mut w, (64, 64, COLUMNS)));
+    bencher.counter(ItemsCount::new(FLOPS)).bench_local(|| {
+        let w = MatrixMut { data: &mut w, stride: 64, first: 0 };
+        accumulate_outer(level, &dy, &x, w, (64, 64, COLUMNS));
+    });
 }
 
 /// Independent fused multiply-adds that never leave the registers.

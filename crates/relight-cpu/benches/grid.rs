@@ -51,6 +51,7 @@ fn scatter_and_adam(bencher: divan::Bencher<'_, '_>) {
     let gradients = vec![1e-3; TILES * 32 * COLUMNS];
     let adam = Adam::new(0.999);
     bencher.counter(ItemsCount::new(TILES * COLUMNS)).bench_local(|| {
-        grid.step(level, TiledPositions { data: &data, columns: COLUMNS }, &gradients, 1e-3, &adam);
+        let tiles: Vec<_> = TiledPositions { data: &data, columns: COLUMNS }.tiles(&gradients).collect();
+        grid.step(level, &tiles, 1e-3, &adam);
     });
 }

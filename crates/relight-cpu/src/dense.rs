@@ -30,6 +30,15 @@ pub enum Store<'a> {
     WherePositive(&'a [f32]),
 }
 
+/// What a product is added to.
+#[derive(Clone, Copy)]
+pub struct Base<'a> {
+    /// As many rows as the product has.
+    pub data: &'a [f32],
+    /// Numbers a row, a multiple of [`COLUMN_ALIGN`]; the columns of the product go through them again and again.
+    pub columns: usize,
+}
+
 /// Some columns of a small row-major matrix.
 #[derive(Clone, Copy)]
 pub struct Matrix<'a> {
@@ -41,7 +50,18 @@ pub struct Matrix<'a> {
     pub first: usize,
 }
 
-/// `y[m][c] = sum_k a[k][m] * x[k][c]` for `outputs` rows `m` and `columns` columns `c`.
+/// Some columns of a small row-major matrix that is added to.
+pub struct MatrixMut<'a> {
+    /// The whole matrix.
+    pub data: &'a mut [f32],
+    /// Its columns.
+    pub stride: usize,
+    /// First column in use.
+    pub first: usize,
+}
+
+/// `y[m][c] = base[m][c] + sum_k a[k][m] * x[k][c]` for `outputs` rows `m` and `columns` columns `c`; without a base,
+/// the sum alone.
 ///
 /// `a` has `inputs` rows and at least `outputs` columns; `x` and `y` have rows of `columns` numbers, a multiple of
 /// [`COLUMN_ALIGN`]. With the transposed weights as `a` this is a layer; with the weights as they are stored, its
@@ -52,15 +72,18 @@ pub fn multiply(
     x: &[f32],
     y: &mut [f32],
     (inputs, outputs, columns): (usize, usize, usize),
+    base: Option<Base<'_>>,
     store: Store<'_>,
 ) {
     debug_assert!(columns.is_multiple_of(COLUMN_ALIGN) && a.first + outputs <= a.stride);
+    debug_assert!(base.is_none_or(|base| base.columns.is_multiple_of(COLUMN_ALIGN)));
     let a = Matrix { data: &a.data[..inputs * a.stride], ..a };
     let (x, y) = (&x[..inputs * columns], &mut y[..outputs * columns]);
-    dispatch!(level, simd => multiply_simd(simd, a, x, y, outputs, columns, store));
+    dispatch!(level, simd => multiply_simd(simd, a, x, y, outputs, columns, base, store));
 }
 
 #[inline(always)]
+#[allow(clippy::too_many_arguments)]
 fn multiply_simd<S: Simd>(
     simd: S,
     a: Matrix<'_>,
@@ -68,16 +91,17 @@ fn multiply_simd<S: Simd>(
     y: &mut [f32],
     outputs: usize,
     columns: usize,
+    base: Option<Base<'_>>,
     store: Store<'_>,
 ) {
     let wide = BLOCK_VECTORS * S::f32s::LEN;
     let mut c = 0;
     while c + wide <= columns {
-        multiply_columns::<S, BLOCK_VECTORS>(simd, a, x, y, outputs, columns, c, store);
+        multiply_columns::<S, BLOCK_VECTORS>(simd, a, x, y, outputs, columns, c, base, store);
         c += wide;
     }
     while c < columns {
-        multiply_columns::<S, 1>(simd, a, x, y, outputs, columns, c, store);
+        multiply_columns::<S, 1>(simd, a, x, y, outputs, columns, c, base, store);
         c += S::f32s::LEN;
     }
 }
@@ -93,22 +117,23 @@ fn multiply_columns<S: Simd, const V: usize>(
     outputs: usize,
     columns: usize,
     c: usize,
+    base: Option<Base<'_>>,
     store: Store<'_>,
 ) {
     let mut m = 0;
     // 32 registers hold a block twice as high as 16 do.
     if S::f32s::LEN >= 16 {
         while m + 8 <= outputs {
-            multiply_block::<S, 8, V>(simd, a, x, y, columns, (m, c), store);
+            multiply_block::<S, 8, V>(simd, a, x, y, columns, (m, c), base, store);
             m += 8;
         }
     }
     while m + 4 <= outputs {
-        multiply_block::<S, 4, V>(simd, a, x, y, columns, (m, c), store);
+        multiply_block::<S, 4, V>(simd, a, x, y, columns, (m, c), base, store);
         m += 4;
     }
     while m < outputs {
-        multiply_block::<S, 1, V>(simd, a, x, y, columns, (m, c), store);
+        multiply_block::<S, 1, V>(simd, a, x, y, columns, (m, c), base, store);
         m += 1;
     }
 }
@@ -123,6 +148,7 @@ fn multiply_block<S: Simd, const M: usize, const V: usize>(
     y: &mut [f32],
     columns: usize,
     (m, c): (usize, usize),
+    base: Option<Base<'_>>,
     store: Store<'_>,
 ) {
     let lanes = S::f32s::LEN;
@@ -143,10 +169,19 @@ fn multiply_block<S: Simd, const M: usize, const V: usize>(
         }
     }
     let zero = S::f32s::splat(simd, 0.0);
+    let turned: [usize; V] = std::array::from_fn(|j| base.map_or(0, |base| (c + j * lanes) % base.columns));
     for (i, row) in sum.iter().enumerate() {
         let start = (m + i) * columns + c;
         for (j, &value) in row.iter().enumerate() {
             let at = start + j * lanes;
+            // Added last: sums that began with it would not stay in registers.
+            let value = match base {
+                Some(base) => {
+                    let first = (m + i) * base.columns + turned[j];
+                    value + S::f32s::from_slice(simd, &base.data[first..first + lanes])
+                }
+                None => value,
+            };
             let value = match store {
                 Store::Set => value,
                 Store::Rectified => value.max(zero),
@@ -162,31 +197,32 @@ fn multiply_block<S: Simd, const M: usize, const V: usize>(
 
 /// `w[m][k] += sum_c dy[m][c] * x[k][c]`: the weight gradient of a layer with inputs `x` and output gradients `dy`.
 ///
-/// `w` is `[outputs][inputs]`; `x` and `dy` have rows of `columns` numbers, a multiple of [`COLUMN_ALIGN`].
+/// `w` has `outputs` rows, of which `inputs` columns are added to; `x` and `dy` have rows of `columns` numbers, a multiple of [`COLUMN_ALIGN`].
 pub fn accumulate_outer(
     level: Level,
     dy: &[f32],
     x: &[f32],
-    w: &mut [f32],
+    w: MatrixMut<'_>,
     (inputs, outputs, columns): (usize, usize, usize),
 ) {
-    debug_assert!(columns.is_multiple_of(COLUMN_ALIGN));
+    debug_assert!(columns.is_multiple_of(COLUMN_ALIGN) && w.first + inputs <= w.stride);
     let (dy, x) = (&dy[..outputs * columns], &x[..inputs * columns]);
-    let w = &mut w[..outputs * inputs];
+    let w = MatrixMut { data: &mut w.data[..outputs * w.stride], ..w };
     dispatch!(level, simd => outer_simd(simd, dy, x, w, inputs, columns));
 }
 
 #[inline(always)]
-fn outer_simd<S: Simd>(simd: S, dy: &[f32], x: &[f32], w: &mut [f32], inputs: usize, columns: usize) {
+fn outer_simd<S: Simd>(simd: S, dy: &[f32], x: &[f32], w: MatrixMut<'_>, inputs: usize, columns: usize) {
     let tall = 4;
+    let MatrixMut { data, stride, first } = w;
     let full = dy.len() / (tall * columns) * tall;
     let (dy_full, dy_rest) = dy.split_at(full * columns);
-    let (w_full, w_rest) = w.split_at_mut(full * inputs);
-    for (dy, w) in dy_full.chunks_exact(tall * columns).zip(w_full.chunks_exact_mut(tall * inputs)) {
-        outer_rows::<S, 4>(simd, dy, x, w, inputs, columns);
+    let (w_full, w_rest) = data.split_at_mut(full * stride);
+    for (dy, data) in dy_full.chunks_exact(tall * columns).zip(w_full.chunks_exact_mut(tall * stride)) {
+        outer_rows::<S, 4>(simd, dy, x, MatrixMut { data, stride, first }, inputs, columns);
     }
-    for (dy, w) in dy_rest.chunks_exact(columns).zip(w_rest.chunks_exact_mut(inputs)) {
-        outer_rows::<S, 1>(simd, dy, x, w, inputs, columns);
+    for (dy, data) in dy_rest.chunks_exact(columns).zip(w_rest.chunks_exact_mut(stride)) {
+        outer_rows::<S, 1>(simd, dy, x, MatrixMut { data, stride, first }, inputs, columns);
     }
 }
 
@@ -196,7 +232,7 @@ fn outer_rows<S: Simd, const M: usize>(
     simd: S,
     dy: &[f32],
     x: &[f32],
-    w: &mut [f32],
+    mut w: MatrixMut<'_>,
     inputs: usize,
     columns: usize,
 ) {
@@ -204,16 +240,16 @@ fn outer_rows<S: Simd, const M: usize>(
     // 32 registers hold a block twice as wide as 16 do.
     if S::f32s::LEN >= 16 {
         while k + 4 <= inputs {
-            outer_block::<S, M, 4>(simd, dy, &x[k * columns..(k + 4) * columns], w, inputs, columns, k);
+            outer_block::<S, M, 4>(simd, dy, &x[k * columns..(k + 4) * columns], &mut w, columns, k);
             k += 4;
         }
     }
     while k + 2 <= inputs {
-        outer_block::<S, M, 2>(simd, dy, &x[k * columns..(k + 2) * columns], w, inputs, columns, k);
+        outer_block::<S, M, 2>(simd, dy, &x[k * columns..(k + 2) * columns], &mut w, columns, k);
         k += 2;
     }
     if k < inputs {
-        outer_block::<S, M, 1>(simd, dy, &x[k * columns..(k + 1) * columns], w, inputs, columns, k);
+        outer_block::<S, M, 1>(simd, dy, &x[k * columns..(k + 1) * columns], &mut w, columns, k);
     }
 }
 
@@ -223,8 +259,7 @@ fn outer_block<S: Simd, const M: usize, const K: usize>(
     simd: S,
     dy: &[f32],
     x: &[f32],
-    w: &mut [f32],
-    inputs: usize,
+    w: &mut MatrixMut<'_>,
     columns: usize,
     k: usize,
 ) {
@@ -245,8 +280,9 @@ fn outer_block<S: Simd, const M: usize, const K: usize>(
     }
     let mut totals = [[0f32; K]; M];
     lane_sums::<S>(sum.as_flattened_mut(), totals.as_flattened_mut());
-    for (row, totals) in w.chunks_exact_mut(inputs).zip(&totals) {
-        row[k..k + K].iter_mut().zip(totals).for_each(|(w, total)| *w += total);
+    let first = w.first + k;
+    for (row, totals) in w.data.chunks_exact_mut(w.stride).zip(&totals) {
+        row[first..first + K].iter_mut().zip(totals).for_each(|(w, total)| *w += total);
     }
 }
 
@@ -271,6 +307,21 @@ fn lane_sums<S: Simd>(vectors: &mut [S::f32s], totals: &mut [f32]) {
     for (lane, &total) in vectors[0].as_slice().iter().enumerate() {
         totals[lane.reverse_bits() >> unused_bits] = total;
     }
+}
+
+/// `sums[m][c] = sum_i y[m][i * period + c]`: each row of `columns` numbers, all its parts of `period` added up.
+pub fn add_turns(level: Level, y: &[f32], columns: usize, period: usize, sums: &mut [f32]) {
+    dispatch!(level, simd => simd.vectorize(
+        #[inline(always)]
+        || {
+            for (row, sums) in y.chunks_exact(columns).zip(sums.chunks_exact_mut(period)) {
+                sums.fill(0.0);
+                for part in row.chunks_exact(period) {
+                    sums.iter_mut().zip(part).for_each(|(sum, value)| *sum += value);
+                }
+            }
+        },
+    ));
 }
 
 #[cfg(test)]
@@ -306,15 +357,20 @@ pub(crate) mod tests {
             let (stride, first) = (outputs + 3, 2);
             let (a, x) = (numbers(inputs * stride, 1), numbers(inputs * columns, 2));
             let mask = numbers(outputs * columns, 3);
+            let turn = if columns % 32 == 0 { 32 } else { 16 };
+            let data = numbers(outputs * turn, 4);
+            let bases = [None, Some(Base { data: &data, columns: turn })];
             let mut y = vec![f32::NAN; outputs * columns];
             let stores = [Store::Set, Store::Rectified, Store::WherePositive(&mask)];
-            for (store, level) in stores.into_iter().flat_map(|s| levels().into_iter().map(move |l| (s, l))) {
+            let cases = stores.into_iter().flat_map(|s| bases.map(|b| (s, b)));
+            for ((store, base), level) in cases.flat_map(|c| levels().into_iter().map(move |l| (c, l))) {
                 let matrix = Matrix { data: &a, stride, first };
-                multiply(level, matrix, &x, &mut y, (inputs, outputs, columns), store);
+                multiply(level, matrix, &x, &mut y, (inputs, outputs, columns), base, store);
                 for m in 0..outputs {
                     for c in 0..columns {
                         let plain: f32 =
                             (0..inputs).map(|k| a[k * stride + first + m] * x[k * columns + c]).sum();
+                        let plain = plain + base.map_or(0.0, |base| base.data[m * turn + c % turn]);
                         let plain = match store {
                             Store::Set => plain,
                             Store::Rectified => plain.max(0.0),
@@ -335,15 +391,32 @@ pub(crate) mod tests {
             SHAPES.into_iter().flat_map(|s| levels().into_iter().map(move |l| (s, l)))
         {
             let (dy, x) = (numbers(outputs * columns, 1), numbers(inputs * columns, 2));
-            let before = numbers(inputs * outputs, 3);
+            let (stride, first) = (inputs + 3, 2);
+            let before = numbers(stride * outputs, 3);
             let mut w = before.clone();
-            accumulate_outer(level, &dy, &x, &mut w, (inputs, outputs, columns));
+            let target = MatrixMut { data: &mut w, stride, first };
+            accumulate_outer(level, &dy, &x, target, (inputs, outputs, columns));
             for m in 0..outputs {
-                for k in 0..inputs {
-                    let plain: f32 = (0..columns).map(|c| dy[m * columns + c] * x[k * columns + c]).sum();
-                    let got = w[m * inputs + k] - before[m * inputs + k];
+                for k in 0..stride {
+                    let sum = |k: usize| (0..columns).map(|c| dy[m * columns + c] * x[k * columns + c]).sum();
+                    let inside = (first..first + inputs).contains(&k);
+                    let plain: f32 = if inside { sum(k - first) } else { 0.0 };
+                    let got = w[m * stride + k] - before[m * stride + k];
                     assert!((got - plain).abs() < 1e-3, "{m} {k}: {got} is not {plain}");
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn turns_add_up() {
+        let y = numbers(2 * 96, 1);
+        for level in levels() {
+            let mut sums = [f32::NAN; 64];
+            add_turns(level, &y, 96, 32, &mut sums);
+            for (i, sum) in sums.iter().enumerate() {
+                let plain: f32 = (0..3).map(|turn| y[i / 32 * 96 + turn * 32 + i % 32]).sum();
+                assert!((sum - plain).abs() < 1e-6, "{i}: {sum} is not {plain}");
             }
         }
     }

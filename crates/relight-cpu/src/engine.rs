@@ -1,5 +1,6 @@
 //! The engine: what a step and a picture are made of.
 
+mod lane;
 mod step;
 
 use fearless_simd::Level;
@@ -20,13 +21,14 @@ use crate::hash_grid::HashGrid;
 use crate::march::UnitCube;
 use crate::networks::Networks;
 use crate::pool::Pool;
-use crate::samples::{Marcher, SampleBatch};
+use crate::samples::Marcher;
 use crate::shade::CodedLight;
 use crate::stages::Costs;
 use crate::state;
 use crate::tile::Workspace;
 
-use step::Lane;
+use lane::Lane;
+use step::LANES;
 
 /// Cells an axis of the density grid.
 const DENSITY_RESOLUTION: usize = 256;
@@ -44,12 +46,7 @@ pub struct CpuEngine {
     moments: [Moments; 3],
     adam: Adam,
     density: DensityGrid,
-    batch: SampleBatch,
-    shadow_batch: SampleBatch,
     experience: Experience,
-    feature_gradients: Vec<f32>,
-    /// Densities at the columns of the batch, for the density grid.
-    densities: Vec<f32>,
     lanes: Vec<Lane>,
     /// How many of them, from the first on, had tiles in the last step.
     lanes_used: usize,
@@ -86,12 +83,8 @@ impl CpuEngine {
             networks,
             adam: Adam::new(config.beta2),
             density: DensityGrid::uniform(&field.bounds, DENSITY_RESOLUTION, field.density_scale),
-            batch: SampleBatch::default(),
-            shadow_batch: SampleBatch::default(),
             experience: Experience::default(),
-            feature_gradients: Vec::new(),
-            densities: Vec::new(),
-            lanes: Lane::all(&gradients),
+            lanes: (0..LANES).map(|_| Lane::new(&gradients)).collect(),
             lanes_used: 0,
             workspaces: Pool::default(),
             drawing: Pool::default(),
@@ -136,7 +129,8 @@ impl CpuEngine {
 
 impl Engine for CpuEngine {
     fn train_step(&mut self, batch: &RayBatch, settings: &StepSettings) -> Result<StepStats, EngineError> {
-        self.step(batch, settings)
+        // From outside the pool, every part of the step that is shared out would have to be waited for asleep.
+        rayon::scope(|_| self.step(batch, settings))
     }
 
     fn expect_surfaces(&mut self, points: &[[f32; 3]]) {

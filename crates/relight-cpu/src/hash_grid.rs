@@ -1,13 +1,11 @@
 //! The hash grid `h(x)`: lookups level by level, and the sparse optimiser that follows their gradients.
 //!
-//! The outer loop runs over levels and the whole batch inside it, so that one level's table at a time lives in
-//! cache. What a group of samples will want is asked of memory while the group before it is worked on. Going back, a
-//! level belongs to one thread: no atomics, and the same sums whatever the number of threads.
+//! The outer loop runs over levels and all samples inside it, so that one level's table at a time lives in cache. What
+//! a group of samples will want is asked of memory while the group before it is worked on. Going back, a level belongs
+//! to one thread: no atomics, and the same sums whatever the number of threads.
 
 mod corners;
 mod level_gradient;
-
-use std::time::Instant;
 
 use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*};
 use rayon::prelude::*;
@@ -61,6 +59,27 @@ pub struct TiledPositions<'a> {
     pub columns: usize,
 }
 
+/// One tile of samples, and the gradients of their features.
+#[derive(Clone, Copy)]
+pub struct TileGradients<'a> {
+    /// `[3][columns]`: positions in the unit cube.
+    pub positions: &'a [f32],
+    /// `[2 * levels][columns]`.
+    pub gradients: &'a [f32],
+    /// Its columns, a multiple of 16.
+    pub columns: usize,
+}
+
+impl<'a> TiledPositions<'a> {
+    /// The tiles, with gradients laid out like the features of [`HashGrid::encode`].
+    pub fn tiles(self, gradients: &'a [f32]) -> impl Iterator<Item = TileGradients<'a>> {
+        let (columns, tiles) = (self.columns, self.data.len() / (3 * self.columns));
+        let gradients = gradients.chunks_exact((gradients.len() / tiles.max(1)).max(1));
+        let tiles = self.data.chunks_exact(3 * columns).zip(gradients);
+        tiles.map(move |(positions, gradients)| TileGradients { positions, gradients, columns })
+    }
+}
+
 /// Puts a position into column `column` of a tile, `[3][columns]`; outside the unit cube, the nearest of its surface.
 pub fn set_position(tile: &mut [f32], column: usize, unit: [f32; 3]) {
     let columns = tile.len() / 3;
@@ -112,16 +131,82 @@ impl HashGrid {
 
     /// Encodes all tiles: `features` is `[tile][2 * levels][columns]`.
     pub fn encode(&self, simd: Level, positions: TiledPositions<'_>, features: &mut [f32]) {
-        let (columns, outputs) = (positions.columns, self.outputs());
-        for (l, level) in self.levels.iter().enumerate() {
-            let table = &self.table[level.offset..level.offset + level.entries];
-            features.par_chunks_mut(outputs * columns).zip(positions.data.par_chunks(3 * columns)).for_each(
-                |(features, positions)| {
-                    let rows = &mut features[2 * l * columns..(2 * l + 2) * columns];
-                    dispatch!(simd, simd => encode_level(simd, level, table, positions, rows, columns));
-                },
-            );
+        dispatch!(simd, simd => self.encode_simd(simd, positions, features));
+    }
+
+    #[inline(always)]
+    fn encode_simd<S: Simd>(&self, simd: S, positions: TiledPositions<'_>, features: &mut [f32]) {
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                let TiledPositions { data, columns } = positions;
+                let (tiles, groups) = (data.len() / (3 * columns), columns / GROUP);
+                let count = self.levels.len() * tiles * groups;
+                if count == 0 {
+                    return;
+                }
+                let mut next = self.group(simd, positions, (0, 0, 0));
+                for i in 0..count {
+                    let here = next;
+                    let place = |i: usize| (i / (tiles * groups), i / groups % tiles, i % groups * GROUP);
+                    next = self.group(simd, positions, place((i + 1).min(count - 1)));
+                    let (l, tile, c) = place(i);
+                    let table = self.table_of(l);
+                    let rows = &mut features[(tile * self.outputs() + 2 * l) * columns..][..2 * columns];
+                    let (row0, row1) = rows.split_at_mut(columns);
+                    let (row0, row1) = (&mut row0[c..c + GROUP], &mut row1[c..c + GROUP]);
+                    // Neighbouring pixels often do on coarse levels.
+                    if here.share_entries(simd) {
+                        let mut sum = [f32x16::splat(simd, 0.0); 2];
+                        for corner in 0..CORNERS {
+                            let entry = table[here.index[corner][0] as usize];
+                            let weight = f32x16::from_slice(simd, &here.weight[corner]);
+                            sum[0] = f32x16::splat(simd, entry[0]).mul_add(weight, sum[0]);
+                            sum[1] = f32x16::splat(simd, entry[1]).mul_add(weight, sum[1]);
+                        }
+                        sum[0].store_slice(row0);
+                        sum[1].store_slice(row1);
+                        continue;
+                    }
+                    for i in 0..GROUP {
+                        let mut sum = [0.0; 2];
+                        for corner in 0..CORNERS {
+                            let entry = table[here.index[corner][i] as usize];
+                            let weight = here.weight[corner][i];
+                            sum[0] = entry[0].mul_add(weight, sum[0]);
+                            sum[1] = entry[1].mul_add(weight, sum[1]);
+                        }
+                        row0[i] = sum[0];
+                        row1[i] = sum[1];
+                    }
+                }
+            },
+        );
+    }
+
+    /// The corners at level `l` around the group of samples of a tile that begins at column `c`, asked of memory.
+    #[inline(always)]
+    fn group<S: Simd>(
+        &self,
+        simd: S,
+        positions: TiledPositions<'_>,
+        (l, tile, c): (usize, usize, usize),
+    ) -> Corners {
+        let columns = positions.columns;
+        let tile = &positions.data[tile * 3 * columns..(tile + 1) * 3 * columns];
+        let corners = Corners::around(simd, &self.levels[l], tile, columns, c);
+        let table = self.table_of(l);
+        // Smaller tables come from a near cache, sooner than asking pays.
+        if size_of_val(table) > NEAR {
+            corners.ask(table, |_| true);
         }
+        corners
+    }
+
+    /// The entries of level `l`.
+    fn table_of(&self, l: usize) -> &[Entry] {
+        let level = &self.levels[l];
+        &self.table[level.offset..level.offset + level.entries]
     }
 
     /// What encoding so many samples takes, but for the time.
@@ -130,19 +215,10 @@ impl HashGrid {
         StageCost { operations: OPERATIONS * lookups, lookups, ..StageCost::default() }
     }
 
-    /// Takes one optimiser step along `gradients`, laid out like the features of [`HashGrid::encode`]. Entries that
-    /// no sample touched keep their weights and moments, and cost nothing but a bit. Returns what scattering and
-    /// optimising cost.
-    pub fn step(
-        &mut self,
-        simd: Level,
-        positions: TiledPositions<'_>,
-        gradients: &[f32],
-        rate: f32,
-        adam: &Adam,
-    ) -> Costs {
-        let started = Instant::now();
-        let (outputs, largest) = (self.outputs(), self.largest);
+    /// Takes one optimiser step along the gradients of all tiles. Entries that no sample touched keep their weights and
+    /// moments, and cost nothing but a bit. Returns what scattering and optimising cost the threads together.
+    pub fn step(&mut self, simd: Level, tiles: &[TileGradients<'_>], rate: f32, adam: &Adam) -> Costs {
+        let largest = self.largest;
         self.moments.resize(self.table.len(), EntryMoments::default());
         let mut tasks = Vec::with_capacity(self.levels.len());
         let (mut table, mut moments) = (&mut self.table[..], &mut self.moments[..]);
@@ -160,7 +236,7 @@ impl HashGrid {
                 || LevelGradient::new(largest),
                 |gradient| {
                     let mut clock = Clock::default();
-                    let samples = gradient.scatter(simd, (l, level), positions, gradients, outputs);
+                    let samples = gradient.scatter(simd, (l, level), tiles);
                     clock.lap(Stage::Scatter, 0);
                     let touched = gradient.update(table, moments, rate, adam);
                     clock.lap(Stage::OptimiseGrid, 2 * UPDATE_OPERATIONS * touched);
@@ -173,70 +249,11 @@ impl HashGrid {
                 },
             )
         };
-        let all = tasks.into_par_iter().with_max_len(1).map(one).reduce(Costs::default, |mut a, b| {
+        tasks.into_par_iter().with_max_len(1).map(one).reduce(Costs::default, |mut a, b| {
             a.add(&b);
             a
-        });
-        let mut costs = Costs::default();
-        costs.add_share(all, started.elapsed().as_secs_f64());
-        costs
+        })
     }
-}
-
-#[inline(always)]
-fn encode_level<S: Simd>(
-    simd: S,
-    level: &GridLevel,
-    table: &[Entry],
-    positions: &[f32],
-    rows: &mut [f32],
-    columns: usize,
-) {
-    simd.vectorize(
-        #[inline(always)]
-        || {
-            let (row0, row1) = rows.split_at_mut(columns);
-            // Smaller tables come from a near cache, sooner than asking pays.
-            let ahead = size_of_val(table) > NEAR;
-            let mut next = Corners::around(simd, level, positions, columns, 0);
-            if ahead {
-                next.ask(table, |_| true);
-            }
-            for c in (0..columns).step_by(GROUP) {
-                let here = next;
-                let after = (c + GROUP).min(columns - GROUP);
-                next = Corners::around(simd, level, positions, columns, after);
-                if ahead {
-                    next.ask(table, |_| true);
-                }
-                let (row0, row1) = (&mut row0[c..c + GROUP], &mut row1[c..c + GROUP]);
-                // Neighbouring pixels often do on coarse levels.
-                if here.share_entries(simd) {
-                    let mut sum = [f32x16::splat(simd, 0.0); 2];
-                    for corner in 0..CORNERS {
-                        let entry = table[here.index[corner][0] as usize];
-                        let weight = f32x16::from_slice(simd, &here.weight[corner]);
-                        sum[0] = f32x16::splat(simd, entry[0]).mul_add(weight, sum[0]);
-                        sum[1] = f32x16::splat(simd, entry[1]).mul_add(weight, sum[1]);
-                    }
-                    sum[0].store_slice(row0);
-                    sum[1].store_slice(row1);
-                    continue;
-                }
-                for i in 0..GROUP {
-                    let mut sum = [0.0; 2];
-                    for corner in 0..CORNERS {
-                        let entry = table[here.index[corner][i] as usize];
-                        let weight = here.weight[corner][i];
-                        sum[0] = entry[0].mul_add(weight, sum[0]);
-                        sum[1] = entry[1].mul_add(weight, sum[1]);
-                    }
-                    row0[i] = sum[0];
-                    row1[i] = sum[1];
-                }
-            }
-        },
-    );
 }
 
 #[cfg(test)]
@@ -341,7 +358,8 @@ mod tests {
                             if samples.contains(&sample) { value(sample, row) } else { 0.0 }
                         },
                     );
-                grid.step(level, positions_tiled, &gradients, rate, &adam);
+                let tiles: Vec<_> = positions_tiled.tiles(&gradients).collect();
+                grid.step(level, &tiles, rate, &adam);
 
                 let mut gradient = vec![0.0; before.len()];
                 for sample in samples {

@@ -4,7 +4,8 @@
 //! where something is, [`hash_grid`] encodes them, [`tile`] runs networks and compositing forward and backward while
 //! they are in cache ([`shade`] being the colour and visibility half, [`probes`] adding lights that nobody photographed,
 //! as far as [`experience`] bears them out), [`roulette`] thins the gradients, [`hash_grid`] and [`adam`] optimise,
-//! [`density_grid`] learns where to march. Every result is the same for any number of threads. Pictures are
+//! [`density_grid`] learns where to march. Threads share out lanes of some tiles each, and a lane goes through all of it up to
+//! the optimisers by itself. Every result is the same for any number of threads. Pictures are
 //! drawn front to back (`draw`, `front_to_back`). [`stages`] counts what each phase takes, and [`limits`] measures what it
 //! could; where memory is waited for, [`prefetch`] asks it ahead.
 
@@ -15,6 +16,7 @@ pub mod density_grid;
 mod draw;
 mod engine;
 pub mod experience;
+pub mod exponential;
 mod front_to_back;
 pub mod guide;
 pub mod harmonics;

@@ -1,25 +1,40 @@
 //! A network on one tile: forward with its activations kept, then backward.
+//!
+//! A column is a pair of a point and a light, and much of what the networks take is the same for all lights of a point.
+//! Such shared inputs are kept, multiplied and differentiated once a point: their part of a layer is what the layer's
+//! product over the other inputs is added to, and its gradient is that of the sum over the lights.
+
+use std::ops::Range;
 
 use fearless_simd::Level;
 use relight_field::parameters::{Layer, Network};
 
-use crate::dense::{Matrix, Store, accumulate_outer, multiply};
+use crate::dense::{Base, Matrix, MatrixMut, Store, accumulate_outer, add_turns, multiply};
 
 /// Weights in the two layouts that the products want.
 pub struct Mlp {
     layers: Vec<Layer>,
-    /// `[inputs][outputs]` of every layer.
+    /// For every layer, those of its inputs that each column has for itself; the others, before and behind, are shared.
+    own: Vec<Range<usize>>,
+    /// `[inputs][outputs]` of every layer, first of its own inputs, then of the shared ones.
     transposed: Vec<Vec<f32>>,
 }
 
-/// Activations and gradients of one tile, reused from tile to tile.
+/// Activations and gradients of one tile, reused from tile to tile. Column `c` belongs to point `c % points`.
 #[derive(Default)]
 pub struct Tape {
-    /// The input of every layer, then the outputs of the last; `[rows][columns]`.
+    /// The own inputs of every layer, then the outputs of the last; `[rows][columns]`.
     pub values: Vec<Vec<f32>>,
+    /// The shared inputs of every layer, `[rows][points]`.
+    pub shared: Vec<Vec<f32>>,
     /// Gradients with respect to `values`.
     gradients: Vec<Vec<f32>>,
+    /// Gradients with respect to `shared`.
+    shared_gradients: Vec<Vec<f32>>,
+    /// `[outputs][points]`: forward, the shared part of a layer; backward, its gradients summed over lights.
+    of_points: Vec<f32>,
     columns: usize,
+    points: usize,
 }
 
 impl Tape {
@@ -34,16 +49,25 @@ impl Tape {
         self.values.last().map_or(&[], |v| v)
     }
 
-    /// Gradient with respect to row `row` of the input of layer `layer`, after [`Mlp::backward`].
-    pub fn input_gradient(&self, layer: usize, row: usize) -> &[f32] {
-        &self.gradients[layer][row * self.columns..(row + 1) * self.columns]
+    /// Gradients with respect to the own inputs of the first layer, `[rows][columns]`, after [`Mlp::backward`].
+    pub fn input_gradient(&self) -> &[f32] {
+        &self.gradients[0]
+    }
+
+    /// Gradients with respect to the shared inputs of layer `layer`, `[rows][points]`, after [`Mlp::backward`].
+    pub fn shared_gradient(&self, layer: usize) -> &[f32] {
+        &self.shared_gradients[layer]
     }
 }
 
 impl Mlp {
-    /// Takes the weights of a network.
-    pub fn new(network: &Network) -> Self {
-        let mut mlp = Self { layers: network.layers.clone(), transposed: Vec::new() };
+    /// Takes the weights of a network. Inputs of the first layer outside `own` are shared, and so are inputs of later
+    /// layers beyond their predecessor's outputs.
+    pub fn new(network: &Network, own: Range<usize>) -> Self {
+        let layers = network.layers.clone();
+        let own =
+            std::iter::once(own).chain(layers.iter().map(|l| 0..l.outputs)).take(layers.len()).collect();
+        let mut mlp = Self { layers, own, transposed: Vec::new() };
         mlp.refresh();
         mlp
     }
@@ -63,15 +87,22 @@ impl Mlp {
         self.layers.first().map_or(0, |l| l.inputs)
     }
 
-    /// Operations of one column, forward.
-    pub fn forward_operations(&self) -> usize {
-        2 * self.weights()
+    /// Operations forward.
+    pub fn forward_operations(&self, columns: usize, points: usize) -> usize {
+        let layers = self.layers.iter().zip(&self.own);
+        let one = |(l, own): (&Layer, &Range<usize>)| {
+            l.outputs * (own.len() * columns + (l.inputs - own.len()) * points)
+        };
+        2 * layers.map(one).sum::<usize>()
     }
 
-    /// Operations of one column, backward, with gradients of `wanted` inputs of the first layer.
-    pub fn backward_operations(&self, wanted: usize) -> usize {
-        let first = self.layers.first().map_or(0, |l| 2 * l.outputs * (l.inputs - wanted));
-        4 * self.weights() - first
+    /// Operations backward, with gradients of the inputs `wanted` of the first layer.
+    pub fn backward_operations(&self, columns: usize, points: usize, wanted: Range<usize>) -> usize {
+        let unwanted = self.layers.first().zip(self.own.first()).map_or(0, |(l, own)| {
+            let of_columns = own.len() - common(own, &wanted).len();
+            l.outputs * (of_columns * columns + (l.inputs - wanted.len() - of_columns) * points)
+        });
+        2 * (self.forward_operations(columns, points) - unwanted)
     }
 
     /// Number of weights.
@@ -81,78 +112,125 @@ impl Mlp {
 
     /// Brings the transposed weights up to date.
     pub fn refresh(&mut self) {
-        self.transposed = self
-            .layers
-            .iter()
-            .map(|l| {
-                let mut t = vec![0.0; l.weight.len()];
-                for (o, row) in l.weight.chunks_exact(l.inputs).enumerate() {
-                    for (i, &w) in row.iter().enumerate() {
-                        t[i * l.outputs + o] = w;
-                    }
-                }
-                t
-            })
-            .collect();
-    }
-
-    /// Makes room for `columns` columns; the rows of `values` that the caller fills are then as
-    /// `values[layer][row * columns..]`.
-    pub fn prepare(&self, tape: &mut Tape, columns: usize) {
-        let rows = self.layers.iter().map(|l| l.inputs).chain(self.layers.last().map(|l| l.outputs));
-        tape.values.resize_with(self.layers.len() + 1, Vec::new);
-        tape.gradients.resize_with(self.layers.len() + 1, Vec::new);
-        for ((v, g), rows) in tape.values.iter_mut().zip(&mut tape.gradients).zip(rows) {
-            v.resize(rows * columns, 0.0);
-            g.resize(rows * columns, 0.0);
+        self.transposed.resize_with(self.layers.len(), Vec::new);
+        for ((l, own), t) in self.layers.iter().zip(&self.own).zip(&mut self.transposed) {
+            t.resize(l.weight.len(), 0.0);
+            let order = own.clone().chain(0..own.start).chain(own.end..l.inputs);
+            for (t, i) in t.chunks_exact_mut(l.outputs).zip(order) {
+                t.iter_mut().zip(l.weight[i..].iter().step_by(l.inputs)).for_each(|(t, &w)| *t = w);
+            }
         }
-        tape.columns = columns;
     }
 
-    /// Runs the network on `values[0]`. A layer with more inputs than its predecessor has outputs takes the rest
-    /// from rows of `values` that the caller has filled.
+    /// Makes room for `columns` columns of `points` points, both multiples of
+    /// [`COLUMN_ALIGN`](crate::dense::COLUMN_ALIGN); the caller then fills `values[0]` and all of `shared`.
+    pub fn prepare(&self, tape: &mut Tape, columns: usize, points: usize) {
+        let resize = |arrays: [&mut Vec<Vec<f32>>; 2], layer: usize, length: usize| {
+            for array in arrays {
+                array.resize_with(array.len().max(layer + 1), Vec::new);
+                array[layer].resize(length, 0.0);
+            }
+        };
+        for (i, (layer, own)) in self.layers.iter().zip(&self.own).enumerate() {
+            resize([&mut tape.values, &mut tape.gradients], i, own.len() * columns);
+            resize([&mut tape.shared, &mut tape.shared_gradients], i, (layer.inputs - own.len()) * points);
+        }
+        let outputs = self.layers.last().map_or(0, |l| l.outputs);
+        resize([&mut tape.values, &mut tape.gradients], self.layers.len(), outputs * columns);
+        let widest = self.layers.iter().map(|l| l.outputs).max().unwrap_or(0);
+        tape.of_points.resize(widest * points, 0.0);
+        (tape.columns, tape.points) = (columns, points);
+    }
+
+    /// Runs the network on `values[0]` and `shared`.
     pub fn forward(&self, level: Level, tape: &mut Tape) {
-        for (i, (layer, a)) in self.layers.iter().zip(&self.transposed).enumerate() {
+        let (columns, points) = (tape.columns, tape.points);
+        for (i, ((layer, own), a)) in self.layers.iter().zip(&self.own).zip(&self.transposed).enumerate() {
             let (before, after) = tape.values.split_at_mut(i + 1);
+            let (own_a, shared_a) = a.split_at(own.len() * layer.outputs);
+            let matrix = |data| Matrix { data, stride: layer.outputs, first: 0 };
+            let shared = layer.inputs - own.len();
+            let base = if shared > 0 {
+                let (x, y) = (&tape.shared[i], &mut tape.of_points);
+                multiply(level, matrix(shared_a), x, y, (shared, layer.outputs, points), None, Store::Set);
+                Some(Base { data: y, columns: points })
+            } else {
+                None
+            };
             let store = if i + 1 < self.layers.len() { Store::Rectified } else { Store::Set };
-            let a = Matrix { data: a, stride: layer.outputs, first: 0 };
-            let shape = (layer.inputs, layer.outputs, tape.columns);
-            multiply(level, a, &before[i], &mut after[0], shape, store);
+            let shape = (own.len(), layer.outputs, columns);
+            multiply(level, matrix(own_a), &before[i], &mut after[0], shape, base, store);
         }
     }
 
     /// Adds the weight gradients to `gradient` (laid out like [`Mlp::weights_mut`]) and leaves input gradients on
-    /// the tape: of the rows `wanted` of the first layer, and of all rows of the others.
-    pub fn backward(
-        &self,
-        level: Level,
-        tape: &mut Tape,
-        gradient: &mut [f32],
-        wanted: std::ops::Range<usize>,
-    ) {
-        let columns = tape.columns;
+    /// the tape: of the inputs `wanted` of the first layer, and of all inputs of the others.
+    pub fn backward(&self, level: Level, tape: &mut Tape, gradient: &mut [f32], wanted: Range<usize>) {
+        let (columns, points) = (tape.columns, tape.points);
         let mut end = gradient.len();
-        for (i, layer) in self.layers.iter().enumerate().rev() {
+        for (i, (layer, own)) in self.layers.iter().zip(&self.own).enumerate().rev() {
             let start = end - layer.weight.len();
-            let (before, after) = tape.gradients.split_at_mut(i + 1);
-            let (dx, dy, x) = (&mut before[i], &after[0], &tape.values[i]);
-            let shape = (layer.inputs, layer.outputs, columns);
-            accumulate_outer(level, dy, x, &mut gradient[start..end], shape);
+            let gradient = &mut gradient[start..end];
             end = start;
-            let mut input_gradient = |rows: std::ops::Range<usize>, rectified: bool| {
-                let a = Matrix { data: &layer.weight, stride: layer.inputs, first: rows.start };
-                let span = rows.start * columns..rows.end * columns;
-                let store = if rectified { Store::WherePositive(&x[span.clone()]) } else { Store::Set };
-                multiply(level, a, dy, &mut dx[span], (layer.outputs, rows.len(), columns), store);
-            };
-            if i == 0 {
-                input_gradient(wanted.clone(), false);
-            } else {
-                // Rows beyond the predecessor's outputs came from the caller: no rectifier stands before them.
-                let own = self.layers[i - 1].outputs;
-                input_gradient(0..own, true);
-                input_gradient(own..layer.inputs, false);
+            let (before, after) = tape.gradients.split_at_mut(i + 1);
+            let (dy, wanted) = (&after[0][..], if i == 0 { wanted.clone() } else { 0..layer.inputs });
+            let store = |x| if i == 0 { Store::Set } else { Store::WherePositive(x) };
+            let part = Part { layer, level, columns, inputs: own.clone(), wanted: &wanted };
+            part.backward(dy, &tape.values[i], &mut before[i], gradient, store);
+            if own.len() == layer.inputs {
+                continue;
+            }
+            let sums = &mut tape.of_points[..layer.outputs * points];
+            add_turns(level, dy, columns, points, sums);
+            let (x, dx) = (&tape.shared[i], &mut tape.shared_gradients[i]);
+            let (x_before, x_behind) = x.split_at(own.start * points);
+            let (dx_before, dx_behind) = dx.split_at_mut(own.start * points);
+            let sides = [(0..own.start, x_before, dx_before), (own.end..layer.inputs, x_behind, dx_behind)];
+            for (inputs, x, dx) in sides {
+                let part = Part { layer, level, columns: points, inputs, wanted: &wanted };
+                part.backward(sums, x, dx, gradient, |_| Store::Set);
             }
         }
+    }
+}
+
+/// Numbers that are in both ranges.
+fn common(a: &Range<usize>, b: &Range<usize>) -> Range<usize> {
+    let start = a.start.max(b.start);
+    start..a.end.min(b.end).max(start)
+}
+
+/// Some neighbouring inputs of a layer.
+struct Part<'a> {
+    layer: &'a Layer,
+    level: Level,
+    columns: usize,
+    inputs: Range<usize>,
+    /// Inputs of the layer whose gradients are wanted.
+    wanted: &'a Range<usize>,
+}
+
+impl Part<'_> {
+    /// From the gradients `dy` of the outputs to those of the weights, which are added to, and of the inputs `x`. What
+    /// those go through before they are stored, `store` tells by `x`.
+    fn backward<'a>(
+        &self,
+        dy: &[f32],
+        x: &'a [f32],
+        dx: &mut [f32],
+        gradient: &mut [f32],
+        store: impl Fn(&'a [f32]) -> Store<'a>,
+    ) {
+        let Self { layer, level, columns, inputs, wanted } = self;
+        let w = MatrixMut { data: gradient, stride: layer.inputs, first: inputs.start };
+        accumulate_outer(*level, dy, x, w, (inputs.len(), layer.outputs, *columns));
+        let wanted = common(inputs, wanted);
+        if wanted.is_empty() {
+            return;
+        }
+        let span = (wanted.start - inputs.start) * columns..(wanted.end - inputs.start) * columns;
+        let a = Matrix { data: &layer.weight, stride: layer.inputs, first: wanted.start };
+        let shape = (layer.outputs, wanted.len(), *columns);
+        multiply(*level, a, dy, &mut dx[span.clone()], shape, None, store(&x[span]));
     }
 }

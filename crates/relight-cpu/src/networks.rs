@@ -1,8 +1,10 @@
 //! The three networks of an architecture, and where each of their inputs lies.
 
+use std::ops::Range;
+
 use fearless_simd::Level;
 use rayon::prelude::*;
-use relight_field::architecture::{Architecture, EMBEDDING, EmbeddingEntry, HARMONICS, HIDDEN};
+use relight_field::architecture::{Architecture, EMBEDDING, EmbeddingEntry, HARMONICS};
 use relight_field::parameters::Parameters;
 
 use crate::adam::{Adam, Moments};
@@ -46,14 +48,18 @@ impl Gradients {
 
     /// Adds others to these, one after another.
     pub fn add(&mut self, others: &[&Self]) {
-        for (part, mine) in [&mut self.geo, &mut self.rgb, &mut self.vis].into_iter().enumerate() {
-            mine.par_chunks_mut(SUMMED_TOGETHER).enumerate().for_each(|(chunk, mine)| {
-                let span = chunk * SUMMED_TOGETHER..chunk * SUMMED_TOGETHER + mine.len();
-                for other in others {
-                    mine.iter_mut().zip(&other.parts()[part][span.clone()]).for_each(|(a, b)| *a += b);
-                }
-            });
-        }
+        let chunks = [&mut self.geo, &mut self.rgb, &mut self.vis].into_par_iter().enumerate().flat_map(
+            |(part, mine)| {
+                let chunks = mine.par_chunks_mut(SUMMED_TOGETHER).enumerate();
+                chunks.map(move |(chunk, mine)| (part, chunk * SUMMED_TOGETHER, mine))
+            },
+        );
+        chunks.for_each(|(part, start, mine)| {
+            for other in others {
+                let other = &other.parts()[part][start..start + mine.len()];
+                mine.iter_mut().zip(other).for_each(|(a, b)| *a += b);
+            }
+        });
     }
 
     /// Sets all to zero.
@@ -65,13 +71,15 @@ impl Gradients {
 impl Networks {
     /// Takes the networks of a field.
     pub fn new(parameters: &Parameters) -> Self {
+        let (architecture, features) = (parameters.config.architecture, parameters.config.grid.outputs());
+        // Of what the shading networks take, only the light differs between the pairs of a point.
         Self {
-            architecture: parameters.config.architecture,
-            features: parameters.config.grid.outputs(),
+            architecture,
+            features,
             density_scale: parameters.config.density_scale,
-            geo: Mlp::new(&parameters.geo),
-            rgb: Mlp::new(&parameters.rgb),
-            vis: parameters.vis.as_ref().map(Mlp::new),
+            geo: Mlp::new(&parameters.geo, 0..features),
+            rgb: Mlp::new(&parameters.rgb, HARMONICS..HARMONICS + architecture.light_inputs()),
+            vis: parameters.vis.as_ref().map(|vis| Mlp::new(vis, features..features + HARMONICS)),
         }
     }
 
@@ -102,34 +110,35 @@ impl Networks {
         }
     }
 
-    /// Row of the colour network's input at which the light's numbers begin; `zeta(d)` stands before them.
-    pub fn light_row(&self) -> usize {
-        HARMONICS
+    /// Shared inputs of the colour network's first layer: those of `zeta(d)`, then those of `h(x)` where it has them; any
+    /// others are `e`.
+    pub fn shared_rows(&self) -> (usize, usize) {
+        (HARMONICS, if self.architecture.position_skip { self.features } else { 0 })
     }
 
-    /// Row of the colour network's input at which `h(x)` begins, where it has it.
-    pub fn position_row(&self) -> usize {
-        HARMONICS + self.architecture.light_inputs()
-    }
-
-    /// Layer of the colour network that takes `e`, and the row at which it begins there.
+    /// Layer of the colour network that takes `e`, and the shared input at which it begins there.
     pub fn embedding_place(&self) -> (usize, usize) {
         match self.architecture.embedding {
             EmbeddingEntry::Layer1 => {
-                let skip = if self.architecture.position_skip { self.features } else { 0 };
-                (0, self.position_row() + skip)
+                let (directions, positions) = self.shared_rows();
+                (0, directions + positions)
             }
-            EmbeddingEntry::Layer2 => (1, HIDDEN),
+            EmbeddingEntry::Layer2 => (1, 0),
         }
     }
 
-    /// Operations of a pair in `rgb` and `vis`, forward and backward.
-    pub fn shading_operations(&self) -> (usize, usize) {
-        let rows = self.rgb.inputs() - self.position_row();
+    /// Inputs of the colour network's first layer whose gradients go on: `h(x)` and `e`.
+    pub fn rgb_wanted(&self) -> Range<usize> {
+        HARMONICS + self.architecture.light_inputs()..self.rgb.inputs()
+    }
+
+    /// Operations of `rgb` and `vis`, forward and backward, at `columns` pairs of `points` points.
+    pub fn shading_operations(&self, columns: usize, points: usize) -> (usize, usize) {
         let vis = self.vis.as_ref();
-        let forward = self.rgb.forward_operations() + vis.map_or(0, Mlp::forward_operations);
-        let backward =
-            self.rgb.backward_operations(rows) + vis.map_or(0, |vis| vis.backward_operations(self.features));
+        let forward = self.rgb.forward_operations(columns, points)
+            + vis.map_or(0, |vis| vis.forward_operations(columns, points));
+        let backward = self.rgb.backward_operations(columns, points, self.rgb_wanted())
+            + vis.map_or(0, |vis| vis.backward_operations(columns, points, 0..self.features));
         (forward, backward)
     }
 

@@ -9,8 +9,7 @@
 //!
 //! Ours: the paper has nothing like it.
 
-use rayon::prelude::*;
-use relight_field::engine::{RayBatch, Rays};
+use relight_field::engine::Rays;
 use relight_field::sampling::Sampling;
 
 use crate::experience::Seen;
@@ -18,6 +17,7 @@ use crate::guide;
 use crate::march::along;
 use crate::samples::{Jitter, Marcher, SampleBatch};
 use crate::shade::CodedLight;
+use crate::stages::{Clock, Stage};
 use crate::tile::Workspace;
 
 /// Samples of a shadow ray.
@@ -37,14 +37,24 @@ const LIGHT: f32 = 0.99;
 /// Transmittance of a shadow ray below which a photograph shows what shadow looks like.
 const DARK: f32 = 0.1;
 
-/// The probes of a batch.
-pub struct Probes {
+/// The probes of a tile.
+pub struct Probes<'a> {
     /// `[n, probes]`: their lights.
-    pub lights: Vec<CodedLight>,
+    pub lights: &'a [CodedLight],
     /// `[n, probes]`: share of each light that reaches its ray's surface, as the geometry has it.
     pub transmittance: Vec<f32>,
     /// How dark shadows are, where that is known.
     shadow: Option<f32>,
+}
+
+/// How a point looks under a light that seems to have reached it.
+struct Photograph {
+    /// Unit vector to the light.
+    direction: [f32; 3],
+    /// How far the light is, metres.
+    distance: f32,
+    /// sRGB in 0..1.
+    colour: [f32; 3],
 }
 
 /// A colour that nobody photographed.
@@ -56,70 +66,60 @@ struct Imagined {
     certainty: f32,
 }
 
-impl Probes {
-    /// Traces the shadow rays of a batch. `samples` are those of its rays, `shadow` is how dark shadows are, `shadows` is
-    /// memory.
+impl<'a> Probes<'a> {
+    /// Traces the shadow rays to `lights` from `points`, where the rays of a tile end: as many from each. `shadow` is how
+    /// dark shadows are, `shadows` is memory.
     pub fn trace(
         marcher: &Marcher<'_>,
-        batch: &RayBatch,
-        samples: &SampleBatch,
-        lights: Vec<CodedLight>,
+        points: &[[f32; 3]],
+        lights: &'a [CodedLight],
         shadow: Option<f32>,
         shadows: &mut SampleBatch,
         jitter: Jitter,
+        clock: &mut Clock,
     ) -> Self {
-        let points = surfaces(marcher, &batch.rays, samples);
         let (each, mut transmittance) = (lights.len() / points.len().max(1), vec![1.0; lights.len()]);
         // Most see their light through empty cells: nothing has to be evaluated for those.
         let gap = CLEARANCE * marcher.density.cell_size();
-        let stopped = |(probe, light): (usize, &CodedLight)| {
+        let (mut rays, mut lengths, mut shaded) = (Rays::default(), Vec::new(), Vec::new());
+        for (probe, light) in lights.iter().enumerate() {
             let point = points[probe / each];
             let (direction, length) = toward(point, light.position);
             let (origin, length) = (along(point, direction, gap), (length - gap).max(0.0));
             let (near, far) = marcher.cube.clip(origin, direction);
             let span = (near, far.min(length));
-            let clear = guide::is_clear(marcher.density, &marcher.cube, (origin, direction), span);
-            (!clear).then_some((origin, direction, length))
-        };
-        let found: Vec<_> = lights.par_iter().enumerate().with_min_len(32).map(stopped).collect();
-        let (mut rays, mut lengths, mut shaded) = (Rays::default(), Vec::new(), Vec::new());
-        for (i, (origin, direction, length)) in
-            found.into_iter().enumerate().filter_map(|(i, f)| Some((i, f?)))
-        {
-            rays.origins.push(origin);
-            rays.directions.push(direction);
-            lengths.push(length);
-            shaded.push(i);
+            if !guide::is_clear(marcher.density, &marcher.cube, (origin, direction), span) {
+                rays.origins.push(origin);
+                rays.directions.push(direction);
+                lengths.push(length);
+                shaded.push(probe);
+            }
         }
+        clock.lap(Stage::ShadowLook, 0);
         let sampling = Sampling::Guided { samples: SHADOW_SAMPLES };
-        shadows.fill(marcher, &rays, sampling, TILE_RAYS, jitter);
-        let shadows = &*shadows;
-        let (lengths, rays) = (&lengths, &rays);
-        let stopped: Vec<f32> = (0..shadows.tiles(rays))
-            .into_par_iter()
-            .flat_map_iter(|tile| {
-                marcher.workspaces.with(Workspace::default, |workspace| {
-                    let here = shadows.tile(marcher, rays, tile);
-                    workspace.composite(marcher.simd, marcher.networks, &here);
-                    let through = |(r, ray): (usize, usize)| {
-                        let span = r * here.samples..(r + 1) * here.samples;
-                        let passed = here.t[span.clone()].iter().zip(&workspace.optical[span]);
-                        let before_light = passed.filter(|(t, _)| **t < lengths[ray]);
-                        // The last sample is the box's face, which shades nothing.
-                        let optical: f32 = before_light.take(here.samples - 1).map(|(_, o)| o).sum();
-                        (-optical).exp()
-                    };
-                    shadows.range(rays, tile).enumerate().map(through).collect::<Vec<f32>>()
-                })
-            })
-            .collect();
-        for (i, t) in shaded.into_iter().zip(stopped) {
-            transmittance[i] = t;
-        }
+        shadows.fill(marcher, &rays, sampling, TILE_RAYS.min(shaded.len()).max(1), jitter);
+        clock.count(Stage::ShadowMarch, &shadows.marched);
+        clock.count(Stage::ShadowEncode, &shadows.encoded);
+        marcher.workspaces.with(Workspace::default, |workspace| {
+            for tile in 0..shadows.tiles(&rays) {
+                let here = shadows.tile(marcher, &rays, tile);
+                workspace.look(marcher.simd, marcher.networks, &here);
+                for (r, ray) in shadows.range(&rays, tile).enumerate() {
+                    let span = r * here.samples..(r + 1) * here.samples;
+                    let passed = here.t[span.clone()].iter().zip(&workspace.optical[span]);
+                    let before_light = passed.filter(|(t, _)| **t < lengths[ray]);
+                    // The last sample is the box's face, which shades nothing.
+                    let optical: f32 = before_light.take(here.samples - 1).map(|(_, o)| o).sum();
+                    transmittance[shaded[ray]] = (-optical).exp();
+                }
+            }
+        });
+        let columns = shadows.t.len();
+        clock.lap(Stage::ShadowGeometry, marcher.networks.geo.forward_operations(columns, columns));
         Self { lights, transmittance, shadow }
     }
 
-    /// Adds the gradients of the probes of ray `ray`, which ends at `point`, to `gradients`: what it looks like under
+    /// Adds the gradients of the probes of the tile's ray `ray`, which ends at `point`, to `gradients`: what it looks like under
     /// them, `colours`, against what it should, times `scale`. `photographed` are its colours there, NaN where there are
     /// none, `pairs` the positions of its other lights and the colours under them. What the photographs tell is added to
     /// `shadow` and `imagined`, see [`Experience`](crate::experience::Experience).
@@ -134,10 +134,10 @@ impl Probes {
         gradients: &mut Vec<[f32; 3]>,
         (shadow, imagined): (&mut Seen, &mut Seen),
     ) {
-        let first = ray * colours.len();
-        for (probe, (colour, &photographed)) in (first..).zip(colours.iter().zip(&photographed[first..])) {
+        let (first, lit) = (ray * colours.len(), in_light(point, pairs));
+        for (probe, (colour, &photographed)) in (first..).zip(colours.iter().zip(photographed)) {
             let known = photographed.iter().all(|c| c.is_finite());
-            let lit = lit_colour(point, self.lights[probe].position, pairs.clone());
+            let lit = lit_colour(point, self.lights[probe].position, &lit);
             let guess = lit.and_then(|lit| self.imagine(probe, lit));
             if known {
                 if let Some(ratio) = lit.and_then(|lit| self.shadow_ratio(probe, lit, photographed)) {
@@ -180,40 +180,27 @@ impl Probes {
     }
 }
 
-/// Where the rays of a batch end, world frame.
-fn surfaces(marcher: &Marcher<'_>, rays: &Rays, samples: &SampleBatch) -> Vec<[f32; 3]> {
-    (0..samples.tiles(rays))
-        .into_par_iter()
-        .flat_map_iter(|tile| {
-            marcher.workspaces.with(Workspace::default, |workspace| {
-                let here = samples.tile(marcher, rays, tile);
-                workspace.composite(marcher.simd, marcher.networks, &here);
-                let ends = here.origins.iter().zip(here.directions).zip(&workspace.depths);
-                ends.map(|((&o, &d), &depth)| along(o, d, depth)).collect::<Vec<_>>()
-            })
-        })
-        .collect()
+/// Those colours of a point, `pairs` of a light's position and the colour under it, that are no shadows.
+fn in_light(point: [f32; 3], pairs: impl Iterator<Item = ([f32; 3], [f32; 3])> + Clone) -> Vec<Photograph> {
+    let brightest = pairs.clone().map(|(_, colour)| brightness(colour)).fold(0.0, f32::max);
+    let lit = pairs.filter(|&(_, colour)| brightness(colour) >= LIT * brightest);
+    lit.map(|(position, colour)| {
+        let (direction, distance) = toward(point, position);
+        Photograph { direction, distance, colour }
+    })
+    .collect()
 }
 
-/// Colour of a point in the light of a lamp at `light`, from its colours under others that seem to have reached it, and
-/// how sure that is, 0..1; `None` without any.
-fn lit_colour(
-    point: [f32; 3],
-    light: [f32; 3],
-    pairs: impl Iterator<Item = ([f32; 3], [f32; 3])> + Clone,
-) -> Option<Imagined> {
-    let brightest = pairs.clone().map(|(_, colour)| brightness(colour)).fold(0.0, f32::max);
+/// Colour of a point in the light of a lamp at `light`, from its colours under others, and how sure that is, 0..1; `None`
+/// without any.
+fn lit_colour(point: [f32; 3], light: [f32; 3], others: &[Photograph]) -> Option<Imagined> {
     let (direction, length) = toward(point, light);
     let (mut sum, mut total) = ([0.0; 3], 0.0);
-    for (position, colour) in pairs {
-        if brightness(colour) < LIT * brightest {
-            continue;
-        }
-        let (other, distance) = toward(point, position);
-        let cos: f32 = direction.iter().zip(other).map(|(a, b)| a * b).sum();
-        let nearness = (-(1.0 - cos + (distance / length - 1.0).powi(2)) / NEARNESS).exp();
+    for other in others {
+        let cos: f32 = direction.iter().zip(other.direction).map(|(a, b)| a * b).sum();
+        let nearness = (-(1.0 - cos + (other.distance / length - 1.0).powi(2)) / NEARNESS).exp();
         total += nearness;
-        sum.iter_mut().zip(colour).for_each(|(s, c)| *s += nearness * c);
+        sum.iter_mut().zip(other.colour).for_each(|(s, c)| *s += nearness * c);
     }
     (total > 1e-9).then(|| Imagined { colour: sum.map(|s| s / total), certainty: (total / SURE).min(1.0) })
 }
@@ -236,9 +223,12 @@ mod tests {
     const POINT: [f32; 3] = [0.1, 0.2, 0.0];
     const UNKNOWN: [f32; 3] = [f32::NAN; 3];
 
-    fn probes(transmittance: f32, shadow: Option<f32>) -> Probes {
-        let lights = vec![CodedLight { position: [0.1, 0.2, 0.5], code: Vec::new() }];
-        Probes { lights, transmittance: vec![transmittance], shadow }
+    /// Two lamps at one place.
+    static LIGHTS: [CodedLight; 2] =
+        [const { CodedLight { position: [0.1, 0.2, 0.5], code: Vec::new() } }; 2];
+
+    fn probes(transmittance: f32, shadow: Option<f32>) -> Probes<'static> {
+        Probes { lights: &LIGHTS[..1], transmittance: vec![transmittance], shadow }
     }
 
     /// Two lights as far from the probe's on either side, a dark one in between, and one far away.
@@ -258,7 +248,7 @@ mod tests {
 
     fn guess(transmittance: f32, shadow: Option<f32>) -> Option<Imagined> {
         let probes = probes(transmittance, shadow);
-        probes.imagine(0, lit_colour(POINT, probes.lights[0].position, pairs())?)
+        probes.imagine(0, lit_colour(POINT, probes.lights[0].position, &in_light(POINT, pairs()))?)
     }
 
     /// Compares a probe whose colour in the field is black, and returns its gradient and what was seen.
@@ -296,8 +286,8 @@ mod tests {
         assert_eq!(guess(0.0, None), None);
         // In full light it does not matter.
         assert!(close(guess(1.0, None).unwrap().colour, [0.7, 0.5, 0.3]));
-        assert_eq!(lit_colour(POINT, [0.1, 0.2, 0.5], std::iter::empty()), None);
-        let far = lit_colour(POINT, [0.1, 0.2, 0.5], pairs().skip(3));
+        assert_eq!(lit_colour(POINT, [0.1, 0.2, 0.5], &[]), None);
+        let far = lit_colour(POINT, [0.1, 0.2, 0.5], &in_light(POINT, pairs().skip(3)));
         assert!(far.is_none_or(|w| w.certainty < 0.01));
     }
 
@@ -314,13 +304,9 @@ mod tests {
     fn what_is_imagined_from_afar_counts_less() {
         let (mut gradients, mut dark, mut imagined) = (Vec::new(), Seen::default(), Seen::default());
         let far = std::iter::once(([0.3, 0.2, 0.5], [0.8, 0.6, 0.4]));
-        let certainty = lit_colour(POINT, [0.1, 0.2, 0.5], far.clone()).unwrap().certainty;
+        let certainty = lit_colour(POINT, [0.1, 0.2, 0.5], &in_light(POINT, far.clone())).unwrap().certainty;
         assert!((0.01..0.5).contains(&certainty), "{certainty}");
-        let probes = Probes {
-            lights: vec![CodedLight { position: [0.1, 0.2, 0.5], code: Vec::new() }; 2],
-            transmittance: vec![1.0; 2],
-            shadow: Some(0.3),
-        };
+        let probes = Probes { lights: &LIGHTS, transmittance: vec![1.0; 2], shadow: Some(0.3) };
         let photographed = [UNKNOWN, [0.5, 0.6, 0.4]];
         let seen = (&mut dark, &mut imagined);
         probes.compare((0, POINT), &[[0.0; 3]; 2], &photographed, far, 2.0, &mut gradients, seen);

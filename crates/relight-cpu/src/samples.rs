@@ -3,7 +3,6 @@
 use std::time::Instant;
 
 use fearless_simd::Level;
-use rayon::prelude::*;
 use relight_field::engine::{Rays, StageCost};
 use relight_field::random::Random;
 use relight_field::sampling::Sampling;
@@ -22,6 +21,11 @@ use crate::tile::{TileRays, Workspace};
 pub struct Jitter(pub Option<Random>);
 
 impl Jitter {
+    /// Those of the rays from number `first` on.
+    pub fn after_rays(self, first: usize) -> Self {
+        Self(self.0.map(|random| random.after((first as u64) << 16)))
+    }
+
     /// Where in its part of ray `ray` sample `k` lies, 0..1: the middle when drawing pictures.
     fn at(self, ray: usize, k: usize) -> f32 {
         self.0.map_or(0.5, |random| random.uniform_at((ray as u64) << 16 | k as u64))
@@ -44,7 +48,7 @@ pub struct Marcher<'a> {
     pub workspaces: &'a Pool<Workspace>,
 }
 
-/// Samples of a batch of rays. Tile `i` holds rays `i * tile_rays` and following; the columns of its samples are
+/// Samples of rays that one thread looks along. Tile `i` holds rays `i * tile_rays` and following; the columns of its samples are
 /// described by [`TileRays`].
 #[derive(Default)]
 pub struct SampleBatch {
@@ -66,7 +70,7 @@ pub struct SampleBatch {
     pub marched: StageCost,
     /// See `marched`.
     pub encoded: StageCost,
-    guides: Pool<GuideScratch>,
+    guide: GuideScratch,
 }
 
 impl SampleBatch {
@@ -99,12 +103,10 @@ impl SampleBatch {
                 self.shape(rays, tile_rays, samples);
                 let (shape, places) = ((tile_rays, samples), (&mut self.t[..], &mut self.lengths[..]));
                 place_each(&marcher.cube, rays, shape, places, |ray, span, t| {
-                    self.guides.with(GuideScratch::default, |guide| {
-                        let draw = |k| jitter.at(ray, k);
-                        let draw: Option<&dyn Fn(usize) -> f32> = jitter.0.is_some().then_some(&draw);
-                        let along = (rays.origins[ray], rays.directions[ray]);
-                        guide::guided(marcher.density, &marcher.cube, along, span, draw, guide, t);
-                    });
+                    let draw = |k| jitter.at(ray, k);
+                    let draw: Option<&dyn Fn(usize) -> f32> = jitter.0.is_some().then_some(&draw);
+                    let along = (rays.origins[ray], rays.directions[ray]);
+                    guide::guided(marcher.density, &marcher.cube, along, span, draw, &mut self.guide, t);
                 });
             }
             Sampling::Stratified { coarse, fine } => {
@@ -131,15 +133,13 @@ impl SampleBatch {
     fn refine(&mut self, marcher: &Marcher<'_>, rays: &Rays, fine: usize, jitter: Jitter) {
         self.encode(marcher, rays);
         let (coarse, tile_rays, columns) = (self.samples, self.tile_rays, self.columns);
-        let weights: Vec<f32> = (0..self.tiles(rays))
-            .into_par_iter()
-            .flat_map_iter(|tile| {
-                marcher.workspaces.with(Workspace::default, |w| {
-                    w.composite(marcher.simd, marcher.networks, &self.tile(marcher, rays, tile));
-                    w.weights.clone()
-                })
-            })
-            .collect();
+        let mut weights: Vec<f32> = Vec::with_capacity(self.t.len());
+        marcher.workspaces.with(Workspace::default, |workspace| {
+            for tile in 0..self.tiles(rays) {
+                workspace.look(marcher.simd, marcher.networks, &self.tile(marcher, rays, tile));
+                weights.extend(&workspace.weights);
+            }
+        });
         let (old_t, old_lengths) = (std::mem::take(&mut self.t), std::mem::take(&mut self.lengths));
         self.shape(rays, tile_rays, coarse + fine);
         let (shape, places) = ((tile_rays, coarse + fine), (&mut self.t[..], &mut self.lengths[..]));
@@ -185,20 +185,19 @@ impl SampleBatch {
         let (k, columns, tile_rays) = (self.samples, self.columns, self.tile_rays);
         self.positions.resize(3 * self.t.len(), 0.0);
         self.features.resize(marcher.networks.features * self.t.len(), 0.0);
-        self.positions.par_chunks_mut(3 * columns).zip(self.t.par_chunks(columns)).enumerate().for_each(
-            |(tile, (positions, t))| {
-                positions.fill(0.5);
-                let first = tile * tile_rays;
-                let here = first..(first + tile_rays).min(rays.origins.len());
-                for (r, ray) in here.enumerate() {
-                    let (origin, direction) = (rays.origins[ray], rays.directions[ray]);
-                    for (column, &t) in t.iter().enumerate().skip(r * k).take(k) {
-                        let unit = marcher.cube.map(along(origin, direction, t));
-                        set_position(positions, column, unit);
-                    }
+        let tiles = self.positions.chunks_exact_mut(3 * columns).zip(self.t.chunks_exact(columns));
+        for (tile, (positions, t)) in tiles.enumerate() {
+            positions.fill(0.5);
+            let first = tile * tile_rays;
+            let here = first..(first + tile_rays).min(rays.origins.len());
+            for (r, ray) in here.enumerate() {
+                let (origin, direction) = (rays.origins[ray], rays.directions[ray]);
+                for (column, &t) in t.iter().enumerate().skip(r * k).take(k) {
+                    let unit = marcher.cube.map(along(origin, direction, t));
+                    set_position(positions, column, unit);
                 }
-            },
-        );
+            }
+        }
         let positions = TiledPositions { data: &self.positions, columns };
         marcher.grid.encode(marcher.simd, positions, &mut self.features);
         self.encoded.add(&StageCost {
@@ -235,27 +234,21 @@ impl SampleBatch {
     }
 }
 
-/// Places the samples of every ray, in parallel over tiles of `tile_rays` rays with `samples` samples each: calls
+/// Places the samples of every ray, in tiles of `tile_rays` rays with `samples` samples each: calls
 /// `one(ray, span, t)`, `span` being where the ray is inside the box, to fill `t`, and works out their lengths.
 fn place_each(
     cube: &UnitCube,
     rays: &Rays,
     (tile_rays, samples): (usize, usize),
     (t, lengths): (&mut [f32], &mut [f32]),
-    one: impl Fn(usize, (f32, f32), &mut [f32]) + Sync,
+    mut one: impl FnMut(usize, (f32, f32), &mut [f32]),
 ) {
     let columns = padded(tile_rays * samples);
-    t.par_chunks_mut(columns).zip(lengths.par_chunks_mut(columns)).enumerate().for_each(
-        |(tile, (t, lengths))| {
-            let first = tile * tile_rays;
-            let here = first..(first + tile_rays).min(rays.origins.len());
-            for ((ray, t), lengths) in
-                here.zip(t.chunks_exact_mut(samples)).zip(lengths.chunks_exact_mut(samples))
-            {
-                let span = cube.clip(rays.origins[ray], rays.directions[ray]);
-                one(ray, span, t);
-                march::interval_lengths(t, span, lengths);
-            }
-        },
-    );
+    for (ray, (&origin, &direction)) in rays.origins.iter().zip(&rays.directions).enumerate() {
+        let start = ray / tile_rays * columns + ray % tile_rays * samples;
+        let (t, lengths) = (&mut t[start..start + samples], &mut lengths[start..start + samples]);
+        let span = cube.clip(origin, direction);
+        one(ray, span, t);
+        march::interval_lengths(t, span, lengths);
+    }
 }

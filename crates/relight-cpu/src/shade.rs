@@ -1,12 +1,13 @@
 //! Colour and visibility of points under lights: the networks `rgb` and `vis` on all pairs of a tile.
 //!
 //! A point has features (`h` and `e`), a position and a ray; each point meets the same number of lights, and a pair
-//! is a column of the networks.
+//! is a column of the networks: all points under one light lie side by side, then all under the next.
 
 use fearless_simd::Level;
-use relight_field::architecture::{EMBEDDING, HARMONICS, LightInput};
+use relight_field::architecture::LightInput;
 
 use crate::dense::padded;
+use crate::exponential::sigmoid;
 use crate::harmonics::spherical_harmonics;
 use crate::mlp::Tape;
 use crate::networks::{Gradients, Networks};
@@ -50,35 +51,34 @@ pub struct Shader {
     rgb: Tape,
     vis: Tape,
     direction: [Vec<f32>; 3],
-    harmonics: Vec<f32>,
 }
 
-fn sigmoid(x: f32) -> f32 {
-    1.0 / (1.0 + (-x).exp())
-}
-
-/// Repeats each number of `source` `times` times, and fills up with zeros.
-fn spread(source: &[f32], times: usize, row: &mut [f32]) {
-    let (pairs, rest) = row.split_at_mut(source.len() * times);
-    if times > 0 {
-        for (chunk, &value) in pairs.chunks_exact_mut(times).zip(source) {
-            chunk.fill(value);
+/// Copies rows of `n` numbers to rows of `wide`, which zeros fill up.
+fn fill_rows(source: &[f32], n: usize, rows: &mut [f32], wide: usize) {
+    if n > 0 {
+        for (row, source) in rows.chunks_exact_mut(wide).zip(source.chunks_exact(n)) {
+            row[..n].copy_from_slice(source);
+            row[n..].fill(0.0);
         }
     }
-    rest.fill(0.0);
 }
 
-/// Adds each `times` neighbouring numbers of `row` to one number of `sums`.
-fn gather(row: &[f32], times: usize, sums: &mut [f32]) {
-    for (sum, chunk) in sums.iter_mut().zip(row.chunks_exact(times)) {
-        *sum += chunk.iter().sum::<f32>();
+/// Adds rows of `wide` numbers, of which `n` count, to rows of `n`.
+fn add_rows(rows: &[f32], wide: usize, sums: &mut [f32], n: usize) {
+    for (sums, row) in sums.chunks_exact_mut(n).zip(rows.chunks_exact(wide)) {
+        sums.iter_mut().zip(row).for_each(|(sum, value)| *sum += value);
     }
 }
 
 impl Shader {
-    /// Columns of the colour and visibility rows.
+    /// Columns of the colour and visibility rows: those of all points under the first light, then under the next.
     pub fn columns(&self) -> usize {
         self.columns
+    }
+
+    /// Columns of one light: the points, and some more that fill them up.
+    pub fn wide(&self) -> usize {
+        padded(self.points.len())
     }
 
     /// Shades all points: each with `lights` lights, that of pair `l` of ray `r` being `light(r, l)`.
@@ -90,34 +90,44 @@ impl Shader {
         lights: usize,
         light: impl Fn(usize, usize) -> &'a CodedLight,
     ) {
-        let points = self.points.len();
-        let columns = padded(points * lights);
-        self.columns = columns;
-        networks.rgb.prepare(&mut self.rgb, columns);
+        let wide = self.wide();
+        self.columns = wide * lights;
+        networks.rgb.prepare(&mut self.rgb, self.columns, wide);
+        if let Some(vis) = &networks.vis {
+            vis.prepare(&mut self.vis, self.columns, wide);
+        }
         for (axis, row) in self.direction.iter_mut().enumerate() {
             row.clear();
             row.extend(self.points.iter().map(|p| view_directions[p.ray][axis]));
-            row.resize(padded(points), 0.0);
+            row.resize(wide, 0.0);
         }
-        self.harmonics.resize(HARMONICS * padded(points), 0.0);
         let [x, y, z] = &self.direction;
-        spherical_harmonics(simd, [x, y, z], &mut self.harmonics);
-        for (row, source) in
-            self.rgb.values[0].chunks_exact_mut(columns).zip(self.harmonics.chunks_exact(padded(points)))
-        {
-            spread(&source[..points], lights, row);
-        }
+        spherical_harmonics(simd, [x, y, z], &mut self.rgb.shared[0]);
+        self.feature_rows(networks);
         self.light_rows(simd, networks, lights, &light);
-        self.feature_rows(networks, lights);
         networks.rgb.forward(simd, &mut self.rgb);
-        self.colour.clear();
-        self.colour.extend(self.rgb.output().iter().map(|&x| sigmoid(x)));
-        self.visibility.clear();
+        self.colour.resize(3 * self.columns, 0.0);
+        sigmoid(simd, self.rgb.output(), &mut self.colour);
+        self.visibility.resize(self.columns, 0.0);
         if let Some(vis) = &networks.vis {
             vis.forward(simd, &mut self.vis);
-            self.visibility.extend(self.vis.output().iter().map(|&x| sigmoid(x)));
+            sigmoid(simd, self.vis.output(), &mut self.visibility);
         } else {
-            self.visibility.resize(columns, 1.0);
+            self.visibility.fill(1.0);
+        }
+    }
+
+    /// Fills the rows of `h` and `e`.
+    fn feature_rows(&mut self, networks: &Networks) {
+        let (n, wide) = (self.points.len(), self.wide());
+        let (h, e) = self.features.split_at(networks.features * n);
+        let (directions, positions) = networks.shared_rows();
+        let rows = &mut self.rgb.shared[0][directions * wide..(directions + positions) * wide];
+        fill_rows(h, n, rows, wide);
+        let (layer, row) = networks.embedding_place();
+        fill_rows(e, n, &mut self.rgb.shared[layer][row * wide..], wide);
+        if networks.vis.is_some() {
+            fill_rows(h, n, &mut self.vis.shared[0], wide);
         }
     }
 
@@ -129,27 +139,25 @@ impl Shader {
         lights: usize,
         light: &impl Fn(usize, usize) -> &'a CodedLight,
     ) {
-        let columns = self.columns;
+        let (columns, wide) = (self.columns, self.wide());
         let input = networks.architecture.light;
-        let first = networks.light_row() * columns;
-        let rows = &mut self.rgb.values[0][first..networks.position_row() * columns];
         if input == LightInput::Pose {
-            for (i, row) in rows.chunks_exact_mut(columns).enumerate() {
-                let (pairs, rest) = row.split_at_mut(self.points.len() * lights);
-                for (point, chunk) in self.points.iter().zip(pairs.chunks_exact_mut(lights)) {
-                    for (l, value) in chunk.iter_mut().enumerate() {
-                        *value = light(point.ray, l).code[i];
-                    }
+            let rows = &mut self.rgb.values[0];
+            rows.fill(0.0);
+            for l in 0..lights {
+                for (q, point) in self.points.iter().enumerate() {
+                    let code = &light(point.ray, l).code;
+                    let column = rows[l * wide + q..].iter_mut().step_by(columns);
+                    column.zip(code).for_each(|(value, &code)| *value = code);
                 }
-                rest.fill(0.0);
             }
         }
         if input != LightInput::Direction && networks.vis.is_none() {
             return;
         }
         self.direction.iter_mut().for_each(Vec::clear);
-        for point in &self.points {
-            for l in 0..lights {
+        for l in 0..lights {
+            for point in &self.points {
                 let to: [f32; 3] =
                     std::array::from_fn(|a| light(point.ray, l).position[a] - point.position[a]);
                 let norm = (to[0] * to[0] + to[1] * to[1] + to[2] * to[2]).sqrt().max(1e-12);
@@ -157,37 +165,14 @@ impl Shader {
                     row.push(component / norm);
                 }
             }
+            self.direction.iter_mut().for_each(|row| row.resize((l + 1) * wide, 0.0));
         }
-        self.direction.iter_mut().for_each(|d| d.resize(columns, 0.0));
         let [x, y, z] = &self.direction;
         if input == LightInput::Direction {
-            spherical_harmonics(simd, [x, y, z], rows);
+            spherical_harmonics(simd, [x, y, z], &mut self.rgb.values[0]);
         }
-        if let Some(vis) = &networks.vis {
-            vis.prepare(&mut self.vis, columns);
-            let start = networks.features * columns;
-            spherical_harmonics(simd, [x, y, z], &mut self.vis.values[0][start..]);
-        }
-    }
-
-    /// Fills the rows of `h` and `e`.
-    fn feature_rows(&mut self, networks: &Networks, lights: usize) {
-        let (points, columns) = (self.points.len(), self.columns);
-        let (h, e) = self.features.split_at(networks.features * points);
-        let fill = |rows: &mut [f32], source: &[f32]| {
-            if points > 0 {
-                for (row, source) in rows.chunks_exact_mut(columns).zip(source.chunks_exact(points)) {
-                    spread(source, lights, row);
-                }
-            }
-        };
-        if networks.architecture.position_skip {
-            fill(&mut self.rgb.values[0][networks.position_row() * columns..], h);
-        }
-        let (layer, row) = networks.embedding_place();
-        fill(&mut self.rgb.values[layer][row * columns..(row + EMBEDDING) * columns], e);
         if networks.vis.is_some() {
-            fill(&mut self.vis.values[0][..networks.features * columns], h);
+            spherical_harmonics(simd, [x, y, z], &mut self.vis.values[0]);
         }
     }
 
@@ -200,7 +185,7 @@ impl Shader {
         colour_gradient: impl Fn(usize, usize) -> [f32; 3],
         gradients: &mut Gradients,
     ) {
-        let (points, columns) = (self.points.len(), self.columns);
+        let (points, columns, wide) = (self.points.len(), self.columns, self.wide());
         self.weight_gradients.clear();
         self.weight_gradients.resize(points, 0.0);
         self.feature_gradients.clear();
@@ -219,10 +204,10 @@ impl Shader {
             &mut none[..]
         };
         d_vis.fill(0.0);
-        for (q, point) in self.points.iter().enumerate() {
-            for l in 0..lights {
-                let (p, d, o) =
-                    (q * lights + l, colour_gradient(point.ray, l), self.visibility[q * lights + l]);
+        for l in 0..lights {
+            for (q, point) in self.points.iter().enumerate() {
+                let p = l * wide + q;
+                let (d, o) = (colour_gradient(point.ray, l), self.visibility[p]);
                 let mut d_o = 0.0;
                 for channel in 0..3 {
                     let c = self.colour[channel * columns + p];
@@ -233,23 +218,16 @@ impl Shader {
                 self.weight_gradients[q] += d_o * o;
             }
         }
-        let last = networks.rgb.inputs();
-        networks.rgb.backward(simd, &mut self.rgb, &mut gradients.rgb, networks.position_row()..last);
+        networks.rgb.backward(simd, &mut self.rgb, &mut gradients.rgb, networks.rgb_wanted());
         let (h, e) = self.feature_gradients.split_at_mut(networks.features * points);
         let (layer, row) = networks.embedding_place();
-        for (i, sums) in e.chunks_exact_mut(points).enumerate() {
-            gather(self.rgb.input_gradient(layer, row + i), lights, sums);
-        }
-        if networks.architecture.position_skip {
-            for (i, sums) in h.chunks_exact_mut(points).enumerate() {
-                gather(self.rgb.input_gradient(0, networks.position_row() + i), lights, sums);
-            }
-        }
+        add_rows(&self.rgb.shared_gradient(layer)[row * wide..], wide, e, points);
+        let (directions, positions) = networks.shared_rows();
+        let skipped = &self.rgb.shared_gradient(0)[directions * wide..(directions + positions) * wide];
+        add_rows(skipped, wide, h, points);
         if let Some(vis) = &networks.vis {
             vis.backward(simd, &mut self.vis, &mut gradients.vis, 0..networks.features);
-            for (i, sums) in h.chunks_exact_mut(points).enumerate() {
-                gather(self.vis.input_gradient(0, i), lights, sums);
-            }
+            add_rows(self.vis.shared_gradient(0), wide, h, points);
         }
     }
 }

@@ -30,11 +30,13 @@ pub enum Stage {
     GeometryBackward,
     /// Roulette on the gradients of samples.
     Roulette,
-    /// Placing samples along shadow rays.
+    /// Looking which shadow rays meet something.
+    ShadowLook,
+    /// Placing samples along those.
     ShadowMarch,
     /// Looking their features up.
     ShadowEncode,
-    /// `geo` at those samples, and where the camera rays end.
+    /// `geo` at those samples.
     ShadowGeometry,
     /// Sum of the network gradients, and Adam on the networks.
     OptimiseNetworks,
@@ -48,9 +50,10 @@ pub enum Stage {
 
 impl Stage {
     /// All stages, in the order of a step.
-    pub const ALL: [(Self, &'static str); 17] = [
+    pub const ALL: [(Self, &'static str); 18] = [
         (Self::March, "march"),
         (Self::Encode, "encode"),
+        (Self::ShadowLook, "shadow rays: look"),
         (Self::ShadowMarch, "shadow rays: march"),
         (Self::ShadowEncode, "shadow rays: encode"),
         (Self::ShadowGeometry, "shadow rays: geometry"),
@@ -128,6 +131,12 @@ impl Clock {
         cost.seconds += (now - self.last).as_secs_f64();
         cost.operations += operations as f64;
         self.last = now;
+    }
+
+    /// Counts a cost to a stage that ends now and was measured elsewhere.
+    pub fn count(&mut self, stage: Stage, cost: &StageCost) {
+        self.costs.of(stage).add(cost);
+        self.last = Instant::now();
     }
 
     /// What was counted since [`Clock::start`].

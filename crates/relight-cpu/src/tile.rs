@@ -8,6 +8,7 @@ use relight_field::architecture::{EMBEDDING, GEO_OUTPUTS};
 use relight_field::sampling::Shading;
 
 use crate::composite;
+use crate::exponential::exponentials;
 use crate::march::along;
 use crate::mlp::Tape;
 use crate::networks::{Gradients, Networks};
@@ -58,7 +59,7 @@ pub struct Regularisers<'a> {
 /// Memory of one thread, reused from tile to tile; after [`Workspace::forward`] it holds the results.
 #[derive(Default)]
 pub struct Workspace {
-    /// Where the time goes; [`Workspace::forward`] starts it.
+    /// Where the time goes.
     pub clock: Clock,
     geo: Tape,
     /// `[columns]`: density times interval length.
@@ -81,12 +82,13 @@ pub struct Workspace {
 impl Workspace {
     /// Density at every column of `features`, into `density`.
     pub fn densities(&mut self, simd: Level, networks: &Networks, features: &[f32], columns: usize) {
-        networks.geo.prepare(&mut self.geo, columns);
+        networks.geo.prepare(&mut self.geo, columns, columns);
         self.geo.values[0].copy_from_slice(&features[..networks.features * columns]);
         networks.geo.forward(simd, &mut self.geo);
-        let logits = &self.geo.output()[..columns];
         self.density.clear();
-        self.density.extend(logits.iter().map(|&l| networks.density_scale * l.min(LOGIT_LIMIT).exp()));
+        self.density.extend(self.geo.output()[..columns].iter().map(|l| l.min(LOGIT_LIMIT)));
+        exponentials(simd, &mut self.density);
+        self.density.iter_mut().for_each(|density| *density *= networks.density_scale);
     }
 
     /// The embeddings `e` of the columns last given to [`Workspace::densities`]: `[15][columns]`.
@@ -94,10 +96,11 @@ impl Workspace {
         &self.geo.output()[columns..GEO_OUTPUTS * columns]
     }
 
-    /// Weights of the samples of all rays, into `weights`, from densities of the tile's features.
-    pub fn composite(&mut self, simd: Level, networks: &Networks, rays: &TileRays<'_>) {
+    /// Weights of the samples of all rays and where the rays end, into `weights` and `depths`, from densities of the tile's
+    /// features.
+    pub fn look(&mut self, simd: Level, networks: &Networks, rays: &TileRays<'_>) {
         self.densities(simd, networks, rays.features, rays.columns);
-        self.clock.lap(Stage::Geometry, networks.geo.forward_operations() * rays.columns);
+        self.clock.lap(Stage::Geometry, networks.geo.forward_operations(rays.columns, rays.columns));
         self.optical.clear();
         self.optical.extend(self.density.iter().zip(rays.lengths).map(|(d, l)| d * l));
         self.weights.clear();
@@ -109,6 +112,7 @@ impl Workspace {
             let depth = self.weights[span.clone()].iter().zip(&rays.t[span]).map(|(w, t)| w * t).sum();
             self.depths.push(depth);
         }
+        self.clock.lap(Stage::Composite, 0);
     }
 
     /// Colours of all pairs.
@@ -121,8 +125,20 @@ impl Workspace {
         lights: usize,
         light: impl Fn(usize, usize) -> &'a CodedLight,
     ) {
-        self.clock.start();
-        self.composite(simd, networks, rays);
+        self.look(simd, networks, rays);
+        self.shade(simd, networks, shading, rays, lights, light);
+    }
+
+    /// Colours of all pairs, after [`Workspace::look`].
+    pub fn shade<'a>(
+        &mut self,
+        simd: Level,
+        networks: &Networks,
+        shading: Shading,
+        rays: &TileRays<'_>,
+        lights: usize,
+        light: impl Fn(usize, usize) -> &'a CodedLight,
+    ) {
         match shading {
             Shading::Deferred => self.average_points(networks, rays),
             Shading::PerSample => self.select_points(networks, rays),
@@ -131,17 +147,17 @@ impl Workspace {
         self.shader.forward(simd, networks, rays.directions, lights, light);
         self.colours.clear();
         self.colours.resize(rays.origins.len() * lights, [0.0; 3]);
-        let columns = self.shader.columns();
-        for (q, point) in self.shader.points.iter().enumerate() {
-            for l in 0..lights {
-                let p = q * lights + l;
+        let (columns, wide) = (self.shader.columns(), self.shader.wide());
+        for l in 0..lights {
+            for (q, point) in self.shader.points.iter().enumerate() {
+                let p = l * wide + q;
                 let scale = point.weight * self.shader.visibility[p];
                 for (channel, value) in self.colours[point.ray * lights + l].iter_mut().enumerate() {
                     *value += scale * self.shader.colour[channel * columns + p];
                 }
             }
         }
-        self.clock.lap(Stage::Shade, networks.shading_operations().0 * columns);
+        self.clock.lap(Stage::Shade, networks.shading_operations(columns, wide).0);
     }
 
     /// One point a ray, with features averaged under the ray's weights.
@@ -208,7 +224,8 @@ impl Workspace {
         let (n, k, columns) = (rays.origins.len(), rays.samples, rays.columns);
         let shader = &mut self.shader;
         shader.backward(simd, networks, lights, |r, l| colour_gradient[r * lights + l], gradients);
-        self.clock.lap(Stage::ShadeBackward, networks.shading_operations().1 * shader.columns());
+        let (pairs, points) = (shader.columns(), shader.wide());
+        self.clock.lap(Stage::ShadeBackward, networks.shading_operations(pairs, points).1);
         self.weight_gradient.clear();
         self.weight_gradient.resize(columns, 0.0);
         feature_gradient.fill(0.0);
@@ -274,11 +291,9 @@ impl Workspace {
         }
         self.clock.lap(Stage::CompositeBackward, 3 * networks.point_features() * columns);
         networks.geo.backward(simd, &mut self.geo, &mut gradients.geo, 0..networks.features);
-        for (f, row) in feature_gradient.chunks_exact_mut(columns).enumerate() {
-            row.iter_mut().zip(self.geo.input_gradient(0, f)).for_each(|(a, b)| *a += b);
-        }
-        let operations = networks.geo.backward_operations(networks.features);
-        self.clock.lap(Stage::GeometryBackward, operations * columns);
+        feature_gradient.iter_mut().zip(self.geo.input_gradient()).for_each(|(a, b)| *a += b);
+        let operations = networks.geo.backward_operations(columns, columns, 0..networks.features);
+        self.clock.lap(Stage::GeometryBackward, operations);
         (penalty, spread)
     }
 }

@@ -26,6 +26,11 @@ impl Random {
         Self { key: mix(mix(seed.wrapping_add(GAMMA)) ^ stream.wrapping_mul(GAMMA)) }
     }
 
+    /// The stream without its first `n` numbers.
+    pub const fn after(self, n: u64) -> Self {
+        Self { key: self.key.wrapping_add(n.wrapping_mul(GAMMA)) }
+    }
+
     /// Number `index` of the stream, uniform over all 64-bit numbers.
     pub const fn u64_at(self, index: u64) -> u64 {
         mix(self.key.wrapping_add(index.wrapping_add(1).wrapping_mul(GAMMA)))
@@ -59,6 +64,14 @@ mod tests {
         assert_eq!(stream.u64_at(0), 0xE220_A839_7B1D_CDAF);
         assert_eq!(stream.u64_at(1), 0x6E78_9E6A_A1B9_65F4);
         assert_eq!(stream.u64_at(2), 0x06C4_5D18_8009_454F);
+    }
+
+    #[test]
+    fn streams_go_on_from_any_number() {
+        let stream = Random::new(7, 3);
+        for (n, index) in [(0, 4), (1, 0), (1 << 40, 1000)] {
+            assert_eq!(stream.after(n).u64_at(index), stream.u64_at(n + index));
+        }
     }
 
     #[test]

@@ -163,6 +163,11 @@ impl<'a> BatchSampler<'a> {
 
     /// Draws the batch of `step` into `batch`, whose buffers are used again.
     pub fn fill(&self, step: u64, batch: &mut RayBatch) {
+        // Inside the pool, threads do not fall asleep between one part and the next.
+        rayon::scope(|_| self.draw(step, batch));
+    }
+
+    fn draw(&self, step: u64, batch: &mut RayBatch) {
         let (n, k) = (self.rays, self.lights_per_ray);
         batch.lights_per_ray = k;
         self.shift_lights(step, &mut batch.lights);

@@ -4,7 +4,7 @@ use fearless_simd::{Level, Simd, dispatch};
 use relight_field::parameters::Level as GridLevel;
 
 use super::corners::{Corners, GROUP};
-use super::{CORNERS, Entry, EntryMoments, TiledPositions};
+use super::{CORNERS, Entry, EntryMoments, TileGradients};
 use crate::adam::Adam;
 use crate::prefetch::ask;
 
@@ -27,23 +27,18 @@ impl LevelGradient {
         Self { gradient: vec![[0.0; 2]; entries], touched, list: Vec::new() }
     }
 
-    /// Adds what samples at `positions` with `gradients`, laid out like the features of
-    /// [`HashGrid::encode`](super::HashGrid::encode), say of level `l`. Returns how many samples had any.
+    /// Adds what the samples of all tiles say of level `l`. Returns how many samples had any gradient.
     pub fn scatter(
         &mut self,
         simd: Level,
         (l, level): (usize, &GridLevel),
-        positions: TiledPositions<'_>,
-        gradients: &[f32],
-        outputs: usize,
+        tiles: &[TileGradients<'_>],
     ) -> usize {
-        let columns = positions.columns;
-        let tiles = positions.data.chunks_exact(3 * columns).zip(gradients.chunks_exact(outputs * columns));
-        let one = |(positions, gradients): (&[f32], &[f32])| {
+        let one = |&TileGradients { positions, gradients, columns }: &TileGradients<'_>| {
             let rows = &gradients[2 * l * columns..(2 * l + 2) * columns];
             dispatch!(simd, simd => self.scatter_tile(simd, level, positions, rows, columns))
         };
-        tiles.map(one).sum()
+        tiles.iter().map(one).sum()
     }
 
     #[inline(always)]

@@ -87,7 +87,8 @@ fn ours(
     }
     // The first moment after the first step is the gradient, but for a factor.
     let mut grid = HashGrid::new(&parameters.config.grid, &parameters.table);
-    grid.step(simd, samples.positions(), &by_feature, 0.01, &Adam::new(0.999));
+    let tiles: Vec<_> = samples.positions().tiles(&by_feature).collect();
+    grid.step(simd, &tiles, 0.01, &Adam::new(0.999));
     let table = grid.moments().0.iter().map(|m| m / (1.0 - BETA1)).collect();
     let mut tensors = vec![table];
     let networks = [Some(&parameters.geo), Some(&parameters.rgb), parameters.vis.as_ref()];

@@ -2,10 +2,13 @@
 
 use fearless_simd::Level;
 use relight_cpu::density_grid::DensityGrid;
+use relight_cpu::march::along;
 use relight_cpu::probes::Probes;
-use relight_cpu::samples::{Jitter, SampleBatch};
+use relight_cpu::samples::{Jitter, Marcher, SampleBatch};
+use relight_cpu::shade::CodedLight;
+use relight_cpu::tile::Workspace;
 use relight_field::architecture::V5;
-use relight_field::engine::RayBatch;
+use relight_field::engine::Rays;
 use relight_field::random::Random;
 use relight_field::sampling::Sampling;
 
@@ -13,6 +16,22 @@ use crate::common::*;
 
 /// Density of a field whose features are all zero: that of logit zero.
 const FOG: f32 = 2.0;
+
+/// Traces the shadow rays to lights from where the rays of a batch end, all of it one tile.
+fn transmittance(
+    marcher: &Marcher<'_>,
+    rays: &Rays,
+    samples: &SampleBatch,
+    lights: &[CodedLight],
+) -> Vec<f32> {
+    let mut workspace = Workspace::default();
+    workspace.look(marcher.simd, marcher.networks, &samples.tile(marcher, rays, 0));
+    let ends = rays.origins.iter().zip(&rays.directions).zip(&workspace.depths);
+    let points: Vec<_> = ends.map(|((&o, &d), &depth)| along(o, d, depth)).collect();
+    let (mut memory, jitter) = (SampleBatch::default(), Jitter(Some(Random::new(1, 0))));
+    let clock = &mut workspace.clock;
+    Probes::trace(marcher, &points, lights, None, &mut memory, jitter, clock).transmittance
+}
 
 /// Share of a lamp that passes through fog to where a ray ends, and the height of that place.
 fn through_fog(density: f32, lamp: [f32; 3]) -> (f32, f32) {
@@ -22,20 +41,18 @@ fn through_fog(density: f32, lamp: [f32; 3]) -> (f32, f32) {
     parts.density = DensityGrid::uniform(&BOUNDS, 16, density);
     let marcher = parts.marcher(Level::new());
     // Straight down, into the fog as far as it goes on average.
-    let mut batch = RayBatch { lights_per_ray: 1, ..RayBatch::default() };
-    batch.rays.origins.push([0.1, 0.1, 1.2]);
-    batch.rays.directions.push([0.0, 0.0, -1.0]);
+    let mut rays = Rays::default();
+    rays.origins.push([0.1, 0.1, 1.2]);
+    rays.directions.push([0.0, 0.0, -1.0]);
     let jitter = Jitter(Some(Random::new(1, 0)));
     let mut samples = SampleBatch::default();
-    samples.fill(&marcher, &batch.rays, Sampling::Guided { samples: 200 }, 1, jitter);
+    samples.fill(&marcher, &rays, Sampling::Guided { samples: 200 }, 2, jitter);
     let depth = 0.5 + (1.0 - (-FOG * 0.7f32).exp()) / FOG;
     let point = [0.1, 0.1, 1.2 - depth];
     let light = coded(&[relight_field::engine::LightPose([
         1.0, 0.0, 0.0, lamp[0], 0.0, 1.0, 0.0, lamp[1], 0.0, 0.0, 1.0, lamp[2],
     ])]);
-    let mut memory = SampleBatch::default();
-    let probes = Probes::trace(&marcher, &batch, &samples, light, None, &mut memory, jitter);
-    (probes.transmittance[0], point[2])
+    (transmittance(&marcher, &rays, &samples, &light)[0], point[2])
 }
 
 #[test]
@@ -65,13 +82,13 @@ fn every_probe_of_a_ray_has_a_shadow_ray_of_its_own() {
     let mut parts = Parts::new(&parameters);
     parts.density = DensityGrid::uniform(&BOUNDS, 16, FOG);
     let marcher = parts.marcher(Level::new());
-    let mut batch = RayBatch { lights_per_ray: 1, ..RayBatch::default() };
+    let mut rays = Rays::default();
     // Down from the roof, and from one side to the other at a height of 0.5 m.
-    batch.rays.origins.extend([[0.1, 0.1, 1.2], [-1.0, 0.1, 0.5]]);
-    batch.rays.directions.extend([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]);
+    rays.origins.extend([[0.1, 0.1, 1.2], [-1.0, 0.1, 0.5]]);
+    rays.directions.extend([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]);
     let jitter = Jitter(Some(Random::new(1, 0)));
     let mut samples = SampleBatch::default();
-    samples.fill(&marcher, &batch.rays, Sampling::Guided { samples: 200 }, 1, jitter);
+    samples.fill(&marcher, &rays, Sampling::Guided { samples: 200 }, 2, jitter);
     let points =
         [[0.1, 0.1, 0.7 - (1.0 - (-FOG * 0.7f32).exp()) / FOG], [(1.0 - (-FOG).exp()) / FOG - 0.5, 0.1, 0.5]];
     let heights = [0.6, 3.0];
@@ -81,12 +98,11 @@ fn every_probe_of_a_ray_has_a_shadow_ray_of_its_own() {
             relight_field::engine::LightPose([1.0, 0.0, 0.0, x, 0.0, 1.0, 0.0, y, 0.0, 0.0, 1.0, z])
         })
         .collect();
-    let mut memory = SampleBatch::default();
-    let probes = Probes::trace(&marcher, &batch, &samples, coded(&poses), None, &mut memory, jitter);
+    let transmittance = transmittance(&marcher, &rays, &samples, &coded(&poses));
     let gap = 1.5 * 0.7 / 16.0;
     for (probe, pose) in poses.iter().enumerate() {
         let point = points[probe / 2];
-        let arrived = probes.transmittance[probe];
+        let arrived = transmittance[probe];
         let expected = FOG * (pose.position()[2].min(0.7) - point[2] - gap);
         assert!((-arrived.ln() - expected).abs() < 0.06, "{probe}: {} {expected}", -arrived.ln());
     }

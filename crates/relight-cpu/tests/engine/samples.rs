@@ -81,7 +81,7 @@ fn fine_samples_gather_where_the_weight_is() {
     for tile in 1..6 {
         let here = coarse.tile(&marcher, &rays, tile);
         let mut workspace = relight_cpu::tile::Workspace::default();
-        workspace.composite(marcher.simd, &parts.networks, &here);
+        workspace.look(marcher.simd, &parts.networks, &here);
         let t = &all.tile(&marcher, &rays, tile).t[..176];
         let span = parts.cube.clip(rays.origins[tile], rays.directions[tile]);
         let mut start = span.0;
