@@ -43,4 +43,5 @@ pub use session_folder::{
     BOARD, CALIBRATION, LENS_VIEWS, RECHECK, ShootError, VIEWS, photograph_name, shoot_board,
 };
 pub use sheet::Sheet;
+pub(crate) use store::StoredIntrinsics;
 pub use store::{FORMAT, StoreError, load, store};

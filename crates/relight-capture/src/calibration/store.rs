@@ -88,9 +88,9 @@ struct File {
     light: Option<StoredLight>,
 }
 
+/// A lens, as files have it.
 #[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct StoredLens {
+pub(crate) struct StoredIntrinsics {
     width: u32,
     height: u32,
     fx: f64,
@@ -98,6 +98,28 @@ struct StoredLens {
     cx: f64,
     cy: f64,
     distortion: [f64; LENS - 4],
+}
+
+impl From<&Intrinsics> for StoredIntrinsics {
+    fn from(intrinsics: &Intrinsics) -> Self {
+        let Intrinsics { width, height, fx, fy, cx, cy, ref distortion } = *intrinsics;
+        let coefficient = |i: usize| distortion.get(i).copied().unwrap_or(0.0);
+        Self { width, height, fx, fy, cx, cy, distortion: std::array::from_fn(coefficient) }
+    }
+}
+
+impl From<StoredIntrinsics> for Intrinsics {
+    fn from(stored: StoredIntrinsics) -> Self {
+        let StoredIntrinsics { width, height, fx, fy, cx, cy, distortion } = stored;
+        Self { width, height, fx, fy, cx, cy, distortion: distortion.to_vec() }
+    }
+}
+
+// What is flattened takes its fields out of all, so that unknown ones cannot be told here.
+#[derive(Serialize, Deserialize)]
+struct StoredLens {
+    #[serde(flatten)]
+    intrinsics: StoredIntrinsics,
     errors: [f64; LENS],
     information: [[f64; LENS]; LENS],
     corner_variance: f64,
@@ -131,8 +153,6 @@ struct StoredLight {
 /// # Errors
 /// If the file cannot be written.
 pub fn store(calibration: &Calibration, made: u64, path: &Path) -> Result<(), StoreError> {
-    let Intrinsics { width, height, fx, fy, cx, cy, ref distortion } = calibration.intrinsics;
-    let coefficient = |i: usize| distortion.get(i).copied().unwrap_or(0.0);
     let waypoint = |w: &Waypoint| StoredWaypoint {
         label: w.label,
         camera_to_world: w.pose.to_matrix(),
@@ -156,13 +176,7 @@ pub fn store(calibration: &Calibration, made: u64, path: &Path) -> Result<(), St
         board: calibration.board,
         board_to_world: calibration.board_to_world.to_matrix(),
         lens: StoredLens {
-            width,
-            height,
-            fx,
-            fy,
-            cx,
-            cy,
-            distortion: std::array::from_fn(coefficient),
+            intrinsics: StoredIntrinsics::from(&calibration.intrinsics),
             errors: calibration.intrinsics_errors,
             information: calibration.lens_information,
             corner_variance: calibration.corner_variance,
@@ -200,10 +214,9 @@ pub fn load(path: &Path) -> Result<(Calibration, u64), StoreError> {
             fault,
         })
     };
-    let StoredLens { width, height, fx, fy, cx, cy, distortion, errors, information, corner_variance } =
-        file.lens;
-    let intrinsics = Intrinsics { width, height, fx, fy, cx, cy, distortion: distortion.to_vec() };
-    if width == 0 || height == 0 || fx <= 0.0 || fy <= 0.0 {
+    let StoredLens { intrinsics, errors, information, corner_variance } = file.lens;
+    let intrinsics = Intrinsics::from(intrinsics);
+    if intrinsics.width == 0 || intrinsics.height == 0 || intrinsics.fx <= 0.0 || intrinsics.fy <= 0.0 {
         return Err(StoreError::Lens { path: path.to_owned(), intrinsics });
     }
     let waypoint = |w: &StoredWaypoint| {

@@ -1,12 +1,12 @@
 //! What is true of a session of board photographs: where arms came to rest that were told to go somewhere.
 
 use nalgebra::{Rotation3, Vector3};
-use relight_scene::{Intrinsics, Pose};
+use relight_scene::Pose;
 use serde::Serialize;
 
 use super::{BoardCapture, BoardCaptureError};
 use crate::calibration::frames::compose;
-use crate::calibration::{Touch, lens_viewpoints};
+use crate::calibration::{StoredIntrinsics, Touch, lens_viewpoints};
 use crate::kinematics::{Arm, Joints};
 use crate::rig::{CAMERA, LIGHT, Prepared, SimulatedArms, station};
 
@@ -64,7 +64,6 @@ impl Truth {
 
     /// As the file has it.
     pub fn to_json(&self, capture: &BoardCapture, prepared: &Prepared) -> serde_json::Result<String> {
-        let Intrinsics { width, height, fx, fy, cx, cy, .. } = capture.intrinsics();
         let itinerary = &prepared.itinerary;
         let numbered = |arm: usize| prepared.labels[arm].iter().zip(&self.rests[arm]);
         let reached = |arm: usize, joints: &Joints| self.arms[arm].tool_pose(joints).to_matrix();
@@ -85,7 +84,7 @@ impl Truth {
             format: FORMAT,
             samples: capture.samples,
             seed: capture.seed,
-            lens: TrueLens { width, height, fx, fy, cx, cy, distortion: capture.distortion },
+            lens: StoredIntrinsics::from(&capture.intrinsics()),
             cameras: cameras.collect(),
             lens_cameras: by_hand
                 .map(|(label, pose)| TruePose { label, planned: pose, to_world: pose })
@@ -102,22 +101,11 @@ struct File {
     format: &'static str,
     samples: u32,
     seed: u64,
-    lens: TrueLens,
+    lens: StoredIntrinsics,
     cameras: Vec<TruePose>,
     lens_cameras: Vec<TruePose>,
     light_base_to_world: [f64; 16],
     lights: Vec<TrueLight>,
-}
-
-#[derive(Serialize)]
-struct TrueLens {
-    width: u32,
-    height: u32,
-    fx: f64,
-    fy: f64,
-    cx: f64,
-    cy: f64,
-    distortion: [f64; 5],
 }
 
 #[derive(Serialize)]
