@@ -13,7 +13,7 @@ pictures of different seeds.
 Geometry, paths, lamps, GGX facets and their sampling are Mitsuba's. Its own rough metal and plastic are other models than the
 rig's, in two ways: masking and shadowing of a facet are taken as independent, and light that facets pass among themselves is
 lost, outside and under the plastic's coat. So the two surfaces are written here, from the papers (Heitz 2014, height-correlated
-Smith; Kulla and Conty 2017), with albedos from a quadrature over facets. `--models` draws the balls with both
+Smith; Kulla and Conty 2017), with albedos integrated over all facets. `--models` draws the balls with both
 simplifications, which is Mitsuba's model, with the second one, and with neither, each beside Mitsuba's own surfaces.
 """
 import json
@@ -22,6 +22,7 @@ import sys
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from golden_microfacets import every_facet
 
 mi.set_variant('llvm_ad_rgb')
 SEEDS = 16
@@ -40,7 +41,7 @@ SPHERES = [([0.09, 0.06, 0.03], 0.03, {'kind': 'metal', 'colour': GOLD, 'alpha':
            ([-0.09, 0.1, 0.04], 0.04, {'kind': 'glossy', 'colour': BLUE, 'alpha': 0.5, 'ior': 1.6})]
 BALL_SIZE, BALL_FOCAL, BALL_BLOCK, BALL_RADIUS = [24, 24], 110.0, 4, 0.05
 BALL_EYE, BALL_LIGHTS = [0.0, -0.5, 0.0], [[0.25, -0.3, 0.25], [0.3, 0.25, 0.1]]
-BALLS = [{'kind': 'metal', 'colour': GOLD, 'alpha': alpha} for alpha in (0.1, 0.25, 0.5, 1.0)]
+BALLS = [{'kind': 'metal', 'colour': GOLD, 'alpha': alpha} for alpha in (0.05, 0.1, 0.25, 0.5, 1.0)]
 BALLS += [{'kind': 'glossy', 'colour': BLUE, 'alpha': alpha, 'ior': 1.5} for alpha in (0.1, 0.3, 0.6)]
 
 
@@ -52,16 +53,15 @@ def reflectance(cosine, ior):
 
 
 def scattered(alpha, ior, correlated, through=False):
-    """Share of light that GGX facets reflect at once, or let through at once, at even cosines from 0 to 1; facets of white metal
-    where `ior` is 0. A quadrature over facets."""
-    u, phi = (np.arange(1024) + 0.5)[:, None] / 1024, (np.arange(128) + 0.5) * np.pi / 128
-    z = 1 / np.sqrt(1 + alpha**2 * u / (1 - u)) + 0 * phi
-    x = np.sqrt(1 - z**2) * np.cos(phi)
+    """Share of light that GGX facets reflect at once, or let through at once, at the squares of even numbers from 0 to 1; facets of
+    white metal where `ior` is 0. Integrated over all facets."""
+    x, z, phi, weights = every_facet(alpha, 600, 300)
+    x = x * np.cos(phi)
 
     def slope(cosine):
         return (np.sqrt(1 + alpha**2 * (1 - cosine**2) / cosine**2) - 1) / 2
     shares = []
-    for cosine in np.maximum(np.linspace(0, 1, 128), 1e-3):
+    for cosine in np.maximum(np.linspace(0, 1, 128)**2, 1e-4):
         facing = np.sqrt(1 - cosine**2) * x + cosine * z
         c = np.where(facing > 0, facing, 1)
         mirrored = reflectance(c, ior) if ior else 1
@@ -73,14 +73,14 @@ def scattered(alpha, ior, correlated, through=False):
         a, b = slope(cosine), slope(np.where(seen, out, 1))
         shown = 1 / (1 + a + b) if correlated else 1 / ((1 + a) * (1 + b))
         share = 1 - mirrored if through else mirrored
-        shares.append(np.where(seen, share * shown * facing / (cosine * z), 0).mean())
+        shares.append((weights * np.where(seen, share * shown * facing / (cosine * z), 0)).sum())
     return np.array(shares)
 
 
 def average(shares):
     """Mean over the cosine-weighted hemisphere."""
-    cosines = np.linspace(0, 1, len(shares))
-    return float(np.trapezoid(2 * cosines * shares, cosines))
+    roots = np.linspace(0, 1, len(shares))
+    return float(np.trapezoid(4 * roots**3 * shares, roots))
 
 
 class Facets(mi.BSDF):
@@ -108,7 +108,7 @@ class Facets(mi.BSDF):
 
     def reached(self, cosine):
         n = self.reach.shape[0]
-        return self.reach.eval(mi.Point1f((cosine * (n - 1) + 0.5) / n))[0]
+        return self.reach.eval(mi.Point1f((dr.sqrt(cosine) * (n - 1) + 0.5) / n))[0]
 
     def density(self, viewer, light):
         half = dr.normalize(viewer + light)
@@ -265,7 +265,7 @@ def pictures(shapes, lights, eye, target, size, focal, block, depth, samples):
     return means, errors
 
 
-def ball(bsdf, samples=256):
+def ball(bsdf, samples=4096):
     shapes = {'ball': {'type': 'sphere', 'center': [0.0] * 3, 'radius': BALL_RADIUS, 'bsdf': bsdf}}
     return pictures(shapes, BALL_LIGHTS, BALL_EYE, [0.0] * 3, BALL_SIZE, BALL_FOCAL, BALL_BLOCK, 2, samples)
 

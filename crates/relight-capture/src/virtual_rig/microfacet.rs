@@ -11,8 +11,11 @@ use glam::Vec3A;
 
 use super::bsdf::Bsdf;
 
-/// Entries of the table of `1 - E`, at evenly spaced cosines from 0 to 1.
+/// Entries of the table of `1 - E`, at the squares of evenly spaced numbers from 0 to 1: the smoother a surface is, the nearer
+/// to the horizon `1 - E` changes.
 const ENTRIES: usize = 64;
+/// Facets that an entry is a mean of.
+const FACETS: u32 = 2048;
 
 /// What the facets are made of.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,13 +41,14 @@ impl Microfacets {
     pub(super) fn new(alpha: f64, interface: Interface) -> Self {
         let alpha = alpha as f32;
         let unreflected = std::array::from_fn(|i| {
-            let cosine = (i as f32 / (ENTRIES - 1) as f32).max(1e-3);
-            (1.0 - reflected(alpha, interface, cosine)).max(0.0)
+            let root = i as f32 / (ENTRIES - 1) as f32;
+            unreflected(alpha, interface, (root * root).max(1e-4))
         });
         let mut facets = Self { alpha, interface, unreflected, mean_unreflected: 0.0 };
-        // 2 c dc over [0, 1], by the midpoint rule in c^2.
+        // 2 c dc over [0, 1], by the midpoint rule in the root of c.
         let steps = 4096;
-        let sum: f32 = (0..steps).map(|i| facets.unreflected(((i as f32 + 0.5) / steps as f32).sqrt())).sum();
+        let roots = (0..steps).map(|i| (i as f32 + 0.5) / steps as f32);
+        let sum: f32 = roots.map(|root| 4.0 * root.powi(3) * facets.unreflected(root * root)).sum();
         facets.mean_unreflected = sum / steps as f32;
         facets
     }
@@ -72,7 +76,7 @@ impl Microfacets {
 
     /// `1 - E` at a cosine.
     pub(super) fn unreflected(&self, cosine: f32) -> f32 {
-        let x = cosine.clamp(0.0, 1.0) * (ENTRIES - 1) as f32;
+        let x = cosine.clamp(0.0, 1.0).sqrt() * (ENTRIES - 1) as f32;
         let i = (x as usize).min(ENTRIES - 2);
         let (low, high) = (self.unreflected[i], self.unreflected[i + 1]);
         low + (high - low) * (x - i as f32)
@@ -111,25 +115,30 @@ impl Microfacets {
     }
 }
 
-/// Share of light under a cosine that the facets reflect directly: a mean over visible facets.
-fn reflected(alpha: f32, interface: Interface, cosine: f32) -> f32 {
-    const SIDE: usize = 48;
+/// Share of light under a cosine that the facets do not reflect directly: a mean over visible facets.
+///
+/// A smooth surface loses light by its few steep facets, those at the rim of the disc that facets are drawn from. So the points,
+/// a Fibonacci lattice, crowd there: their squared radius is `1 - t^4` for even `t`, weighted with its derivative.
+fn unreflected(alpha: f32, interface: Interface, cosine: f32) -> f32 {
+    let golden = 0.5 * (5f64.sqrt() - 1.0);
     let viewer = Vec3A::new((1.0 - cosine * cosine).max(0.0).sqrt(), 0.0, cosine);
     let mut sum = 0.0;
-    for k in 0..SIDE * SIDE {
-        let u = [k % SIDE, k / SIDE].map(|i| (i as f32 + 0.5) / SIDE as f32);
-        let half = visible_normal(alpha, viewer, u);
+    for k in 0..FACETS {
+        let t = (k as f32 + 0.5) / FACETS as f32;
+        let half = visible_normal(alpha, viewer, [1.0 - t.powi(4), (f64::from(k) * golden).fract() as f32]);
         let light = 2.0 * viewer.dot(half) * half - viewer;
+        let mut lost = 1.0;
         if light.z > 0.0 {
             let facet = match interface {
                 Interface::Dielectric { ior } => fresnel_dielectric(viewer.dot(half), ior),
                 Interface::Conductor => 1.0,
             };
             let both = visibility(alpha, light.z, viewer.z) * 4.0 * light.z * viewer.z;
-            sum += facet * both / shadowing(alpha, viewer.z);
+            lost -= facet * both / shadowing(alpha, viewer.z);
         }
+        sum += 4.0 * t.powi(3) * lost;
     }
-    sum / (SIDE * SIDE) as f32
+    (sum / FACETS as f32).max(0.0)
 }
 
 /// GGX: density of facet normals, over solid angle.
