@@ -3,9 +3,10 @@
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
+use relight_scene::Camera;
 use serde::Deserialize;
 
-use super::super::{Material, Mesh, Model, Raster, Settings, Texture, shapes};
+use super::super::{Material, Mesh, Model, Raster, Texture, shapes};
 use super::{camera, light, rig, settings, white_lamp};
 
 #[derive(Deserialize)]
@@ -82,9 +83,10 @@ impl View {
         let view = camera(DVec3::from(self.eye), DVec3::from(self.target), self.size, self.focal);
         let lights: Vec<_> = (0..).zip(&self.lights).map(|(k, &p)| light(k, DVec3::from(p))).collect();
         let mut sums = vec![vec![[0.0; 2]; self.means[0].len()]; lights.len()];
-        for seed in 0..SEEDS {
-            let settings = Settings { seed: seed.into(), ..settings(samples) };
-            let pictures = rig(model, white_lamp(radius), settings).radiance(&view, &lights);
+        let rig = rig(model, white_lamp(radius), settings(samples));
+        for seed in 0..SEEDS as usize {
+            // A camera's label is a seed of its own.
+            let pictures = rig.radiance(&Camera { label: seed, ..view.clone() }, &lights);
             for (picture, sums) in pictures.iter().zip(&mut sums) {
                 for (k, [sum, squares]) in (0..).zip(sums) {
                     let mean = self.block_of(k, |x, y, channel| picture.at(x, y)[channel]);
