@@ -13,11 +13,18 @@ use super::shapes::{cuboid, quad};
 use super::texture::Texture;
 use super::weave::Weave;
 use super::{Model, Part};
+use crate::trajectory::ObjectBox;
 
 /// Half the length of the box in which objects stand, metres: -0.11 to 0.11 along x and y.
 pub const OBJECT_HALF: f64 = 0.11;
 /// Height of that box.
 pub const OBJECT_HEIGHT: f64 = 0.2;
+
+/// How far floor and walls reach to the open sides, metres from the origin.
+const FLOOR_REACH: f64 = 0.95;
+const WALL_REACH: f64 = 0.85;
+/// How thick the walls are behind what is seen of them, metres.
+const WALL_THICKNESS: f64 = 0.01;
 
 /// Floor at z = 0 and walls at `x = -wall_x` and `y = wall_y`, open towards +x and -y.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,7 +79,7 @@ impl Stage {
         }
         within("the cell of the weave", self.weave.cell, [1e-4, 1.0], "0.0001 to 1 m")?;
         let cane = Material::Lambert { reflectance: Texture::Raster(Arc::new(self.weave.raster()?)) };
-        let sheets = self.sheets(0.95, 0.85);
+        let sheets = self.sheets();
         let mut parts: Vec<Part> =
             sheets.into_iter().map(|mesh| Part { mesh, material: cane.clone() }).collect();
         let around = 1.0 + self.wall_x.max(self.wall_y);
@@ -82,8 +89,19 @@ impl Stage {
         Ok(Model { parts })
     }
 
-    /// Floor and walls, that reach `floor` and `walls` metres to the open sides.
-    fn sheets(&self, floor: f64, walls: f64) -> [Mesh; 3] {
+    /// The walls as boxes, which arms must not meet.
+    pub fn walls(&self) -> [ObjectBox; 2] {
+        let Self { wall_x, wall_y, wall_height, .. } = *self;
+        [
+            ObjectBox {
+                lo: [-wall_x - WALL_THICKNESS, -WALL_REACH, 0.0],
+                hi: [-wall_x, wall_y, wall_height],
+            },
+            ObjectBox { lo: [-wall_x, wall_y, 0.0], hi: [WALL_REACH, wall_y + WALL_THICKNESS, wall_height] },
+        ]
+    }
+
+    fn sheets(&self) -> [Mesh; 3] {
         let Self { wall_x, wall_y, wall_height, turn, .. } = *self;
         let corner = dvec3(-wall_x, wall_y, 0.0);
         let sheet = |corner: DVec3, across: DVec3, down: DVec3, turn: f64, offset: f64| {
@@ -96,14 +114,14 @@ impl Stage {
         };
         [
             sheet(
-                dvec3(-wall_x, -floor, 0.0),
-                DVec3::X * (wall_x + floor),
-                DVec3::Y * (wall_y + floor),
+                dvec3(-wall_x, -FLOOR_REACH, 0.0),
+                DVec3::X * (wall_x + FLOOR_REACH),
+                DVec3::Y * (wall_y + FLOOR_REACH),
                 turn,
                 0.0,
             ),
-            sheet(corner, DVec3::NEG_Y * (wall_y + walls), DVec3::Z * wall_height, 0.0, 0.31),
-            sheet(corner, DVec3::X * (wall_x + walls), DVec3::Z * wall_height, 0.0, 0.62),
+            sheet(corner, DVec3::NEG_Y * (wall_y + WALL_REACH), DVec3::Z * wall_height, 0.0, 0.31),
+            sheet(corner, DVec3::X * (wall_x + WALL_REACH), DVec3::Z * wall_height, 0.0, 0.62),
         ]
     }
 }

@@ -26,11 +26,11 @@ pub(super) const LENS: Intrinsics = Intrinsics {
 /// Where its wedge of 57 degrees lies on the virtual stage: both walls are seen.
 const AZIMUTH_DEGREES: [f64; 2] = [-73.5, -16.5];
 /// The paper's arms, from where they reach all its cameras and lights: the camera's before the open corner of the stage, the
-/// light's on a plinth in the corner of the walls.
+/// light's on a bracket over the corner of the walls, above both.
 const CAMERA_ARM: ArmPlace =
     ArmPlace { model: Make::Ec66, base_metres: [0.707, -0.707, 0.0], yaw_degrees: 45.0, home_degrees: None };
 const LIGHT_ARM: ArmPlace =
-    ArmPlace { model: Make::Ur5e, base_metres: [-0.34, 0.34, 0.03], yaw_degrees: 135.0, home_degrees: None };
+    ArmPlace { model: Make::Ur5e, base_metres: [-0.40, 0.38, 0.35], yaw_degrees: 135.0, home_degrees: None };
 
 /// What is captured, and how finely. All numbers together make the capture what it is: equal ones, equal bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -101,7 +101,7 @@ impl VirtualCapture {
             camera: CAMERA_ARM,
             light: LIGHT_ARM,
             table_metres: 0.0,
-            walls: Vec::new(),
+            walls: Stage::default().walls().to_vec(),
             clearance_metres: 0.01,
         }
     }
@@ -201,6 +201,7 @@ impl VirtualCapture {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::rig::Prepared;
     use relight_scene::Scene;
 
     const CAPTURE: VirtualCapture = VirtualCapture {
@@ -215,6 +216,18 @@ mod tests {
 
     fn go(_: Progress) -> ControlFlow<()> {
         ControlFlow::Continue(())
+    }
+
+    #[test]
+    fn the_arms_keep_clear_of_the_walls_and_leave_nothing_out() {
+        let (domes, arms) = (VirtualCapture::domes(), VirtualCapture::arms());
+        let prepared = Prepared::new(&domes, &arms).unwrap();
+        assert_eq!(prepared.labels.each_ref().map(Vec::len), [50, 40], "{:?}", prepared.left_out());
+        // Between the walls there is no room for the light's arm.
+        let mut inside = arms;
+        inside.light.base_metres = [-0.34, 0.34, 0.03];
+        let error = Prepared::new(&domes, &inside).unwrap_err().to_string();
+        assert!(error.contains("the light arm's upper arm runs into wall 2"), "{error}");
     }
 
     #[test]
