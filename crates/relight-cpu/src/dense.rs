@@ -168,29 +168,37 @@ fn multiply_block<S: Simd, const M: usize, const V: usize>(
             }
         }
     }
+    let start = m * columns + c;
+    let y = &mut y[start..];
+    // Nothing else here, so that the compiler writes all stores out and keeps the sums in registers from first to last.
+    for i in 0..M {
+        for j in 0..V {
+            sum[i][j].store_slice(&mut y[i * columns + j * lanes..][..lanes]);
+        }
+    }
+    if base.is_none() && matches!(store, Store::Set) {
+        return;
+    }
     let zero = S::f32s::splat(simd, 0.0);
     let turned: [usize; V] = std::array::from_fn(|j| base.map_or(0, |base| (c + j * lanes) % base.columns));
-    for (i, row) in sum.iter().enumerate() {
-        let start = (m + i) * columns + c;
-        for (j, &value) in row.iter().enumerate() {
-            let at = start + j * lanes;
-            // Added last: sums that began with it would not stay in registers.
-            let value = match base {
-                Some(base) => {
-                    let first = (m + i) * base.columns + turned[j];
-                    value + S::f32s::from_slice(simd, &base.data[first..first + lanes])
-                }
-                None => value,
-            };
+    for i in 0..M {
+        for (j, &turned) in turned.iter().enumerate() {
+            let at = i * columns + j * lanes;
+            let y = &mut y[at..at + lanes];
+            let mut value = S::f32s::from_slice(simd, y);
+            if let Some(base) = base {
+                let first = (m + i) * base.columns + turned;
+                value += S::f32s::from_slice(simd, &base.data[first..first + lanes]);
+            }
             let value = match store {
                 Store::Set => value,
                 Store::Rectified => value.max(zero),
                 Store::WherePositive(activation) => {
-                    let positive = S::f32s::from_slice(simd, &activation[at..at + lanes]).simd_gt(zero);
-                    positive.select(value, zero)
+                    let activation = &activation[start + at..start + at + lanes];
+                    S::f32s::from_slice(simd, activation).simd_gt(zero).select(value, zero)
                 }
             };
-            value.store_slice(&mut y[at..at + lanes]);
+            value.store_slice(y);
         }
     }
 }
