@@ -75,7 +75,7 @@ impl DensityGrid {
         let fits = cells.len() == self.cells.len();
         if fits {
             self.cells.iter_mut().zip(cells).for_each(|(mine, &cell)| *mine.get_mut() = cell);
-            self.find_distances();
+            self.lower(0);
         }
         fits
     }
@@ -151,10 +151,7 @@ impl DensityGrid {
 
     /// Lets all cells forget: their densities fall by about an eighth of an octave (to 92 %).
     pub fn decay(&mut self) {
-        self.cells.par_chunks_mut(1 << 16).for_each(|chunk| {
-            chunk.iter_mut().map(AtomicU8::get_mut).for_each(|c| *c = c.saturating_sub(1));
-        });
-        self.find_distances();
+        self.lower(1);
     }
 
     /// Whether a cell of this code is thick enough to count.
@@ -178,11 +175,18 @@ impl DensityGrid {
         }
     }
 
-    /// Finds all distances anew: along each axis in turn, the larger of how far to go and of what is known there.
-    fn find_distances(&mut self) {
+    /// Lowers all codes by `codes`, and finds all distances anew: along each axis in turn, the larger of how far to go and
+    /// of what is known there.
+    fn lower(&mut self, codes: u8) {
         let Self { bricks, cells, distance, optical, .. } = self;
-        distance.par_iter_mut().zip(cells.par_chunks(BRICK_CELLS)).for_each(|(distance, cells)| {
-            let largest = cells.iter().map(get).fold(0, u8::max);
+        distance.par_iter_mut().zip(cells.par_chunks_mut(BRICK_CELLS)).for_each(|(distance, cells)| {
+            // Not by `get`: compilers make vectors of what nobody else can read meanwhile.
+            let lowered = cells.iter_mut().map(|cell| {
+                let cell = cell.get_mut();
+                *cell = cell.saturating_sub(codes);
+                *cell
+            });
+            let largest = lowered.fold(0, u8::max);
             *distance.get_mut() = if optical[usize::from(largest)] != 0.0 { 0 } else { FARTHEST };
         });
         for stride in [1, *bricks, *bricks * *bricks] {
