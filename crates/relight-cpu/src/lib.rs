@@ -10,6 +10,7 @@
 //! could; where memory is waited for, [`prefetch`] asks it ahead.
 
 pub mod adam;
+pub mod aligned;
 pub mod composite;
 pub mod dense;
 pub mod density_grid;

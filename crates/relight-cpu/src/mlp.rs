@@ -9,6 +9,7 @@ use std::ops::Range;
 use fearless_simd::Level;
 use relight_field::parameters::{Layer, Network};
 
+use crate::aligned::Aligned;
 use crate::dense::{Base, Matrix, MatrixMut, Store, accumulate_outer, add_turns, multiply};
 
 /// Weights in the two layouts that the products want.
@@ -24,15 +25,15 @@ pub struct Mlp {
 #[derive(Default)]
 pub struct Tape {
     /// The own inputs of every layer, then the outputs of the last; `[rows][columns]`.
-    pub values: Vec<Vec<f32>>,
+    pub values: Vec<Aligned>,
     /// The shared inputs of every layer, `[rows][points]`.
-    pub shared: Vec<Vec<f32>>,
+    pub shared: Vec<Aligned>,
     /// Gradients with respect to `values`.
-    gradients: Vec<Vec<f32>>,
+    gradients: Vec<Aligned>,
     /// Gradients with respect to `shared`.
-    shared_gradients: Vec<Vec<f32>>,
+    shared_gradients: Vec<Aligned>,
     /// `[outputs][points]`: forward, the shared part of a layer; backward, its gradients summed over lights.
-    of_points: Vec<f32>,
+    of_points: Aligned,
     columns: usize,
     points: usize,
 }
@@ -125,10 +126,10 @@ impl Mlp {
     /// Makes room for `columns` columns of `points` points, both multiples of
     /// [`COLUMN_ALIGN`](crate::dense::COLUMN_ALIGN); the caller then fills `values[0]` and all of `shared`.
     pub fn prepare(&self, tape: &mut Tape, columns: usize, points: usize) {
-        let resize = |arrays: [&mut Vec<Vec<f32>>; 2], layer: usize, length: usize| {
+        let resize = |arrays: [&mut Vec<Aligned>; 2], layer: usize, length: usize| {
             for array in arrays {
-                array.resize_with(array.len().max(layer + 1), Vec::new);
-                array[layer].resize(length, 0.0);
+                array.resize_with(array.len().max(layer + 1), Aligned::default);
+                array[layer].resize(length);
             }
         };
         for (i, (layer, own)) in self.layers.iter().zip(&self.own).enumerate() {
@@ -138,7 +139,7 @@ impl Mlp {
         let outputs = self.layers.last().map_or(0, |l| l.outputs);
         resize([&mut tape.values, &mut tape.gradients], self.layers.len(), outputs * columns);
         let widest = self.layers.iter().map(|l| l.outputs).max().unwrap_or(0);
-        tape.of_points.resize(widest * points, 0.0);
+        tape.of_points.resize(widest * points);
         (tape.columns, tape.points) = (columns, points);
     }
 
