@@ -3,19 +3,22 @@
 use std::io::{IsTerminal, Write};
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, LazyLock, Mutex, OnceLock};
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use signal_hook::consts::{SIGINT, SIGTERM};
-use signal_hook::flag;
+use signal_hook::iterator::Signals;
 use tracing::level_filters::LevelFilter;
 use tracing_subscriber::Layer;
 use tracing_subscriber::filter::Targets;
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
+
+/// Signals that come so soon after the first mean the same: `timeout` sends its own to the program and then to its group.
+const PATIENCE: Duration = Duration::from_secs(1);
 
 /// Time between plain lines of progress.
 pub const LINE_EVERY: Duration = Duration::from_secs(10);
@@ -114,18 +117,24 @@ impl Progress {
     }
 }
 
-/// A flag that the first Ctrl-C or SIGTERM sets; the second ends the program at once. The end of the terminal is left
-/// alone, so that `nohup` means what it says.
+/// A flag that the first Ctrl-C or SIGTERM sets; another one, [some time](PATIENCE) later, ends the program at once. The end
+/// of the terminal is left alone, so that `nohup` means what it says.
 pub fn cancel_flag() -> anyhow::Result<&'static AtomicBool> {
-    static FLAG: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
-    static HANDLERS: OnceLock<()> = OnceLock::new();
-    if HANDLERS.get().is_none() {
-        for signal in [SIGINT, SIGTERM] {
-            // In this order: the first signal finds the flag unset, and sets it.
-            flag::register_conditional_shutdown(signal, 130, Arc::clone(&FLAG))?;
-            flag::register(signal, Arc::clone(&FLAG))?;
-        }
-        HANDLERS.get_or_init(|| ());
+    static FLAG: AtomicBool = AtomicBool::new(false);
+    static IS_LISTENING: Mutex<bool> = Mutex::new(false);
+    let mut is_listening = IS_LISTENING.lock().unwrap_or_else(PoisonError::into_inner);
+    if !*is_listening {
+        let mut signals = Signals::new([SIGINT, SIGTERM])?;
+        std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
+            let mut first = None;
+            for _ in signals.forever() {
+                FLAG.store(true, Ordering::Relaxed);
+                if first.get_or_insert_with(Instant::now).elapsed() >= PATIENCE {
+                    signal_hook::low_level::exit(130);
+                }
+            }
+        })?;
+        *is_listening = true;
     }
     Ok(&FLAG)
 }
