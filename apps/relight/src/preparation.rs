@@ -31,6 +31,26 @@ pub struct Wish {
     pub bounds: Option<Bounds>,
 }
 
+impl Wish {
+    /// The settings of a new run on a scene, as far as they do not depend on the surfaces that its images show.
+    pub fn config(self, scene: &Scene, splits: &Splits) -> RunConfig {
+        let Wish { model, preset, recipe, seed, budget, bounds } = self;
+        RunConfig {
+            format: FORMAT.to_owned(),
+            scene: scene.root.canonicalize().unwrap_or_else(|_| scene.root.clone()),
+            scene_name: scene.name.clone(),
+            model,
+            preset,
+            seed,
+            splits: splits_fingerprint(scene, splits),
+            budget,
+            bounds,
+            search: bounds.unwrap_or_else(|| scene_bounds(scene)),
+            recipe,
+        }
+    }
+}
+
 /// A scene that is ready to be trained on.
 pub struct Prepared {
     pub scene: Scene,
@@ -64,28 +84,21 @@ impl Prepared {
         }
     }
 
-    /// All settings of a new run: finds the surfaces, the box, and the grid that fits it, where they are not given.
+    /// All settings of a new run.
     pub fn plan(&mut self, wish: Wish) -> anyhow::Result<RunConfig> {
-        let Wish { model, preset, mut recipe, seed, budget, bounds } = wish;
-        let search = bounds.unwrap_or_else(|| scene_bounds(&self.scene));
-        self.find_surfaces(&recipe, &search)?;
-        let bounds = bounds.or_else(|| self.surface_bounds()).unwrap_or(search);
-        recipe.grid.get_or_insert_with(|| fitting_grid(&self.scene.cameras, &bounds));
-        let config = RunConfig {
-            format: FORMAT.to_owned(),
-            scene: self.scene.root.canonicalize().unwrap_or_else(|_| self.scene.root.clone()),
-            scene_name: self.scene.name.clone(),
-            model,
-            preset,
-            seed,
-            splits: splits_fingerprint(&self.scene, &self.splits),
-            budget,
-            bounds,
-            search,
-            recipe,
-        };
-        config.field()?;
+        let mut config = wish.config(&self.scene, &self.splits);
+        self.settle(&mut config)?;
         Ok(config)
+    }
+
+    /// Finds the surfaces, and from them what the settings leave open: the box, and the grid that fits it.
+    pub fn settle(&mut self, config: &mut RunConfig) -> anyhow::Result<()> {
+        self.find_surfaces(&config.recipe, &config.search)?;
+        let bounds = config.bounds.or_else(|| self.surface_bounds()).unwrap_or(config.search);
+        config.bounds = Some(bounds);
+        config.recipe.grid.get_or_insert_with(|| fitting_grid(&self.scene.cameras, &bounds));
+        config.field()?;
+        Ok(())
     }
 
     /// Looks for surfaces in the box `search` by stereo, where the recipe wants it. Fails if it is stopped meanwhile.

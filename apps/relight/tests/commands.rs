@@ -191,12 +191,30 @@ fn the_help_teaches() {
 #[test]
 fn a_run_is_repeated_from_its_configuration() {
     let shop = Workshop::new();
+    shop.succeed("train scene --out first --recipe recipe.toml --model v3 --seed 7 --steps 20");
+    fs::create_dir(shop.path("again")).unwrap();
+    fs::copy(shop.path("first/config.toml"), shop.path("again/config.toml")).unwrap();
+    shop.succeed("train scene --out again --resume");
+    assert_eq!(metrics(&shop.path("again")), metrics(&shop.path("first")));
+    let weights = |run: &str| fs::read(shop.path(run).join("weights.safetensors")).unwrap();
+    assert!(weights("again") == weights("first"));
+}
+
+#[test]
+fn a_finished_run_is_only_lengthened() {
+    let shop = Workshop::new();
     shop.train("first");
     let again = shop.run("train scene --out first --steps 20");
     assert_eq!(again.status.code(), Some(1));
     assert!(String::from_utf8(again.stderr).unwrap().contains("--resume"));
-    // A finished run that is resumed is still finished; with more steps it goes on.
+    // A finished run that is resumed is still finished, and stays what it is; with more steps it goes on.
     shop.succeed("train scene --out first --resume");
+    let config = fs::read(shop.path("first/config.toml")).unwrap();
+    for less in ["--steps 1", "--minutes 1e-9"] {
+        let said = shop.fail(&format!("train nowhere --out first --resume {less}"), 1);
+        assert!(said.contains("first: 20 steps in") && said.contains("are done already"), "{said}");
+    }
+    assert_eq!(fs::read(shop.path("first/config.toml")).unwrap(), config);
     assert_eq!(metrics(&shop.path("first")).last().unwrap()["step"], 20);
     shop.succeed("train scene --out first --resume --steps 30");
     assert_eq!(metrics(&shop.path("first")).last().unwrap()["step"], 30);

@@ -107,18 +107,27 @@ mod stopping {
             signalled(&shop, arguments, "run/checkpoint/latest.safetensors", &["-INT", "-TERM"]);
         assert!(status == Some(1) && said.contains("--resume"), "{status:?}: {said}");
     }
-}
 
-#[test]
-fn a_run_that_was_killed_before_its_first_checkpoint_is_begun_again_as_it_was() {
-    let shop = Workshop::new();
-    let asked = "--model v3 --seed 7 --steps 30";
-    shop.succeed(&format!("train scene --out whole --recipe recipe.toml {asked}"));
-    std::fs::create_dir(shop.path("killed")).unwrap();
-    std::fs::copy(shop.path("whole/config.toml"), shop.path("killed/config.toml")).unwrap();
-    shop.succeed("train scene --out killed --resume");
-    let weights = |run: &str| std::fs::read(shop.path(run).join("weights.safetensors")).unwrap();
-    assert!(weights("killed") == weights("whole"));
+    #[test]
+    fn a_run_that_was_stopped_while_its_scene_was_made_ready_is_begun_as_it_was_asked_for() {
+        // Large enough for stereo to take a while.
+        let recipe = "rays-per-step = 32\n[sampling.guided]\nsamples = 8\n";
+        let shop = Workshop::with([12, 6], [48, 36], recipe);
+        let asked = "--recipe recipe.toml --model v3 --seed 7 --steps 20";
+        shop.succeed(&format!("train scene --out whole {asked}"));
+        let weights = |run: &str| std::fs::read(shop.path(run).join("weights.safetensors")).unwrap();
+        for (run, signal, expected) in [("killed", "-KILL", None), ("stopped", "-INT", Some(1))] {
+            let config = format!("{run}/config.toml");
+            let train = format!("train scene --out {run} {asked}");
+            let (status, said) = signalled(&shop, &train, &config, &[signal]);
+            assert!(status == expected && said.contains("--resume") == (signal == "-INT"), "{said}");
+            let config = std::fs::read_to_string(shop.path(&config)).unwrap();
+            assert!(!config.contains("[bounds]") && !config.contains("[recipe.grid]"), "{config}");
+            assert!(shop.fail(&format!("train scene --out {run} --resume --model v5"), 1).contains("v3"));
+            shop.succeed(&format!("train scene --out {run} --resume"));
+            assert!(weights(run) == weights("whole"), "{run}");
+        }
+    }
 }
 
 #[test]
@@ -140,5 +149,5 @@ fn a_grid_that_the_recipe_leaves_open_is_fitted_to_the_images_and_kept() {
     shop.succeed("train scene --out run --resume --steps 10");
     let open = config.split("[recipe.grid]").next().unwrap();
     std::fs::write(shop.path("run/config.toml"), open).unwrap();
-    assert!(shop.fail("train scene --out run --resume --steps 15", 1).contains("[recipe.grid] is missing"));
+    assert!(shop.fail("train scene --out run --resume --steps 15", 1).contains("has no [recipe.grid]"));
 }

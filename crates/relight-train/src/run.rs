@@ -51,11 +51,12 @@ pub struct RunConfig {
     /// How long to train.
     #[serde(default)]
     pub budget: Budget,
-    /// World box of the field, metres.
-    pub bounds: Bounds,
+    /// World box of the field, metres; `None` until the surfaces that decide it were looked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bounds: Option<Bounds>,
     /// World box in which stereo looks for surfaces, metres.
     pub search: Bounds,
-    /// How to train, the grid included.
+    /// How to train; the grid may be open as long as the box is.
     pub recipe: Recipe,
 }
 
@@ -63,14 +64,14 @@ impl RunConfig {
     /// The field to train.
     ///
     /// # Errors
-    /// As [`field_of`], and [`TrainError::Recipe`] if the recipe leaves the grid open.
+    /// As [`field_of`], and [`TrainError::Recipe`] if box or grid are open.
     pub fn field(&self) -> Result<FieldConfig, TrainError> {
+        let missing = |what: &str| TrainError::Recipe(format!("the run's config.toml has no {what}"));
+        let bounds = self.bounds.ok_or_else(|| missing("[bounds], the box of its field"))?;
         if self.recipe.grid.is_none() {
-            return Err(TrainError::Recipe(
-                "[recipe.grid] is missing, of which the run's weights have the shape".into(),
-            ));
+            return Err(missing("[recipe.grid], of which its weights have the shape"));
         }
-        field_of(&self.recipe, &self.model, self.bounds)
+        field_of(&self.recipe, &self.model, bounds)
     }
 
     /// The engine to train it with.
@@ -146,22 +147,11 @@ pub struct RunFolder {
 }
 
 impl RunFolder {
-    /// Starts a run in `root`: [`claim`](Self::claim), and the configuration in it.
-    ///
-    /// # Errors
-    /// As [`claim`](Self::claim).
-    pub fn create(root: &Path, config: &RunConfig) -> Result<Self, TrainError> {
-        let run = Self::claim(root)?;
-        run.write_config(config)?;
-        Ok(run)
-    }
-
-    /// Makes the folder of a run to be started in `root`, which must be [vacant](Self::check_vacant), and keeps others
-    /// from training there. It is no run before its [configuration is written](Self::write_config).
+    /// Starts a run in `root`, which must be [vacant](Self::check_vacant), and keeps others from training there.
     ///
     /// # Errors
     /// [`TrainError::Run`] if something is there already; [`TrainError::Io`] if it cannot be written.
-    pub fn claim(root: &Path) -> Result<Self, TrainError> {
+    pub fn create(root: &Path, config: &RunConfig) -> Result<Self, TrainError> {
         Self::check_contents(root)?;
         fs::create_dir_all(root).map_err(|error| match error.kind() {
             ErrorKind::AlreadyExists => {
@@ -172,13 +162,15 @@ impl RunFolder {
         let run = Self { root: root.to_owned(), _lock: Some(lock(root)?) };
         // Another may have trained there from its first step to its last since.
         Self::check_contents(root)?;
+        run.write_config(config)?;
         Ok(run)
     }
 
-    /// Gives up a folder that was claimed: removes it, unless there is more in it than the claim.
+    /// Gives up a run that was created and never trained: removes it, but for what else is in its folder.
     pub fn abandon(self) {
-        // What cannot be removed does no harm: a folder with nothing but a lock is vacant.
-        let _ = fs::remove_file(self.root.join(LOCK)).and_then(|()| fs::remove_dir(&self.root));
+        // What cannot be removed does no harm: the folder is still vacant.
+        let files = [self.config(), self.root.join(LOCK)];
+        let _ = files.iter().try_for_each(fs::remove_file).and_then(|()| fs::remove_dir(&self.root));
     }
 
     /// Checks that a run can be started in `root`: that it does not exist, or is empty but for a run that never got

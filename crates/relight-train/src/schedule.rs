@@ -91,6 +91,11 @@ impl Budget {
         self.steps.is_none() && self.minutes.is_none()
     }
 
+    /// Whether `step` steps or `seconds` seconds are more than it allows.
+    pub fn is_exceeded(&self, step: u64, seconds: f64) -> bool {
+        self.steps.is_some_and(|all| step > all) || self.minutes.is_some_and(|all| seconds > 60.0 * all)
+    }
+
     /// Progress after `step` steps and `seconds` seconds. An open budget progresses towards `horizon` steps.
     pub fn progress(&self, step: u64, seconds: f64, horizon: u64) -> f64 {
         let share = |done: f64, all: f64| if all > 0.0 { done / all } else { 1.0 };
@@ -145,6 +150,8 @@ mod tests {
         assert_eq!(both.progress(50, 15.0, 1), 0.5);
         assert_eq!(both.progress(50, 45.0, 1), 0.75);
         assert_eq!(both.progress(500, 45.0, 1), 1.0);
+        assert!(!both.is_exceeded(100, 60.0) && both.is_exceeded(101, 1.0) && both.is_exceeded(1, 61.0));
+        assert!(!Budget::default().is_exceeded(u64::MAX, 1e9));
         assert_eq!(Budget::default().progress(50, 1e9, 200), 0.25);
         assert_eq!(Budget { steps: Some(0), minutes: None }.progress(0, 0.0, 9), 1.0);
     }

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use relight_field::engine::{Engine, EngineError, RayBatch, StepStats};
 use relight_field::parameters::Parameters;
 use relight_field::weights_file;
-use relight_scene::{PixelStore, Scene, Splits};
+use relight_scene::{Bounds, PixelStore, Scene, Splits};
 use relight_stereo::DepthPrior;
 
 use crate::TrainError;
@@ -94,6 +94,8 @@ pub struct TrainingData<'a> {
 pub struct Trainer<'a> {
     run: &'a RunFolder,
     config: &'a RunConfig,
+    /// The field's box.
+    bounds: Bounds,
     engine: Box<dyn Engine>,
     batches: BatchSampler<'a>,
     validation: Validation<'a>,
@@ -121,6 +123,7 @@ impl<'a> Trainer<'a> {
     ) -> Result<Self, TrainError> {
         let recipe = &config.recipe;
         recipe.validate()?;
+        let bounds = config.field()?.bounds;
         let batches = BatchSampler::new(
             data.scene,
             data.pixels,
@@ -160,6 +163,7 @@ impl<'a> Trainer<'a> {
             recent: (Duration::ZERO, 0),
             run,
             config,
+            bounds,
             engine,
             batches,
             validation,
@@ -232,7 +236,7 @@ impl<'a> Trainer<'a> {
         let recipe = &self.config.recipe;
         let step = self.standing.step;
         self.batches.fill(step, batch);
-        let settings = recipe.step_settings(step, progress, &self.config.bounds);
+        let settings = recipe.step_settings(step, progress, &self.bounds);
         let non_finite = |what: String| TrainError::NonFinite {
             step,
             what,

@@ -208,17 +208,20 @@ fn one_training_at_a_time_works_in_a_folder() {
 }
 
 #[test]
-fn a_claim_that_is_given_up_leaves_nothing_but_what_others_left() {
+fn a_run_that_is_given_up_leaves_nothing_but_what_others_left() {
     let folder = tempfile::tempdir().unwrap();
+    let data = tiny_scene(&folder.path().join("scene"));
+    let config = RunConfig { bounds: None, ..config(&data, Some(4)) };
     let root = folder.path().join("deep/run");
-    let claim = RunFolder::claim(&root).unwrap();
-    assert!(RunFolder::claim(&root).unwrap_err().to_string().contains("another training"));
-    claim.abandon();
+    let run = RunFolder::create(&root, &config).unwrap();
+    assert_eq!(RunFolder::open(&root).unwrap().1, config, "as far as it is known");
+    run.abandon();
     assert!(!root.exists() && root.parent().unwrap().exists());
-    let claim = RunFolder::claim(&root).unwrap();
+    let run = RunFolder::create(&root, &config).unwrap();
     fs::write(root.join("metrics.jsonl"), "").unwrap();
-    claim.abandon();
-    assert!(root.join("metrics.jsonl").is_file() && !root.join("lock").exists());
+    run.abandon();
+    let left: Vec<_> = fs::read_dir(&root).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert_eq!(left, ["metrics.jsonl"]);
 }
 
 #[test]

@@ -94,6 +94,7 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         bounds: None,
     })?;
     let field = config.field()?;
+    let bounds = field.bounds;
     // A step reads the tables of all levels, and adds to those of one after another.
     let level = 1 << field.grid.log2_table;
     let limits = Limits::measure(field.grid.entries().next_power_of_two(), level);
@@ -124,7 +125,7 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         batches.fill(step, &mut batch);
         drawing += drawn.elapsed().as_secs_f64();
         let progress = step as f64 / args.steps as f64;
-        let stats = engine.train_step(&batch, &recipe.step_settings(step, progress, &config.bounds))?;
+        let stats = engine.train_step(&batch, &recipe.step_settings(step, progress, &bounds))?;
         rays += stats.rays;
         pairs += stats.pixels;
         bar.update(step + 1, args.steps, || format!("step {}", step + 1));

@@ -2,15 +2,18 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
+use anyhow::{Context, ensure};
 use clap::ValueEnum;
 use relight_field::architecture::VARIANTS;
-use relight_scene::{Bounds, check_bounds, read_text};
+use relight_field::parameters::Parameters;
+use relight_scene::{Bounds, Scene, Splits, check_bounds, read_text};
+use relight_train::checkpoint::{Checkpoint, Standing};
 use relight_train::recipe::{Preset, Recipe};
 use relight_train::run::{RunConfig, RunFolder, field_of};
 use relight_train::schedule::Budget;
 use relight_train::trainer::Ending;
 
+use crate::console::{cancel_flag, unless};
 use crate::engines::{self, Device};
 use crate::preparation::{Prepared, Wish, check_splits, open, train};
 
@@ -89,13 +92,13 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let outcome = train(&run, &config, &data, args.device, args.json, quiet)?;
     match outcome.ending {
         Ending::Budget | Ending::Plateau => Ok(()),
-        Ending::Cancelled => bail!(
-            "stopped at step {}; continue with relight train {} --out {} --resume",
-            outcome.standing.step,
-            args.scene.display(),
-            args.out.display()
-        ),
+        Ending::Cancelled => Err(stopped(args, &format!("at step {}", outcome.standing.step))),
     }
+}
+
+fn stopped(args: &Args, when: &str) -> anyhow::Error {
+    let (scene, out) = (args.scene.display(), args.out.display());
+    anyhow::anyhow!("stopped {when}; continue with relight train {scene} --out {out} --resume")
 }
 
 /// A new run. All that can be refused is, before minutes are spent on loading.
@@ -120,19 +123,45 @@ fn begin(args: &Args, quiet: bool) -> anyhow::Result<(RunFolder, RunConfig, Prep
         budget: Budget { steps: args.steps, minutes: args.minutes },
         bounds: args.bounds,
     };
-    let run = RunFolder::claim(&args.out)?;
-    let prepared = Prepared::load(scene, splits, quiet).and_then(|mut data| {
-        let config = data.plan(wish)?;
-        run.write_config(&config)?;
-        Ok((config, data))
-    });
-    match prepared {
-        Ok((config, data)) => Ok((run, config, data)),
+    // Written before minutes are spent on loading, so that what a kill leaves is resumed as it was asked for.
+    let mut config = wish.config(&scene, &splits);
+    let run = RunFolder::create(&args.out, &config)?;
+    match prepare(args, &run, &mut config, scene, splits, quiet) {
+        Ok(data) => Ok((run, config, data)),
         Err(error) => {
-            run.abandon();
+            if unless(cancel_flag()?).is_continue() {
+                run.abandon();
+            }
             Err(error)
         }
     }
+}
+
+/// Loads the images of a run and, where nothing was learnt yet, settles what its configuration leaves open.
+fn prepare(
+    args: &Args,
+    run: &RunFolder,
+    config: &mut RunConfig,
+    scene: Scene,
+    splits: Splits,
+    quiet: bool,
+) -> anyhow::Result<Prepared> {
+    let before = config.clone();
+    let prepared = Prepared::load(scene, splits, quiet).and_then(|mut data| {
+        if RunFolder::exists(run.root()) {
+            data.find_surfaces(&config.recipe, &config.search)?;
+        } else {
+            data.settle(config)?;
+        }
+        if *config != before {
+            run.write_config(config)?;
+        }
+        Ok(data)
+    });
+    if prepared.is_err() && unless(cancel_flag()?).is_break() {
+        return Err(stopped(args, "while the scene was made ready"));
+    }
+    prepared
 }
 
 /// The recipe of a training: the preset's, with the settings in the file `changes` in place of its own.
@@ -156,19 +185,20 @@ pub fn recipe(preset: Preset, changes: Option<&Path>, model: &str) -> anyhow::Re
 fn resume(args: &Args, quiet: bool) -> anyhow::Result<(RunFolder, RunConfig, Prepared)> {
     let (run, mut config) = RunFolder::resume(&args.out)?;
     check_same(args, &config)?;
+    let before = config.clone();
+    let budget = Budget { steps: args.steps, minutes: args.minutes };
+    if !budget.is_open() && budget != config.budget {
+        check_longer(&run, &config, &budget)?;
+        config.budget = budget;
+    }
     let (scene, splits) = open(&args.scene)?;
     check_splits(&scene, &splits, &config)?;
-    let before = config.clone();
     // It may have moved.
     config.scene = scene.root.canonicalize().unwrap_or_else(|_| scene.root.clone());
-    let mut data = Prepared::load(scene, splits, quiet)?;
-    data.find_surfaces(&config.recipe, &config.search)?;
-    if args.steps.is_some() || args.minutes.is_some() {
-        config.budget = Budget { steps: args.steps, minutes: args.minutes };
-    }
     if config != before {
         run.write_config(&config)?;
     }
+    let data = prepare(args, &run, &mut config, scene, splits, quiet)?;
     Ok((run, config, data))
 }
 
@@ -189,9 +219,27 @@ fn check_same(args: &Args, config: &RunConfig) -> anyhow::Result<()> {
     if args.seed.is_some_and(|s| s != config.seed) {
         return Err(differs("seed", &config.seed));
     }
-    if args.bounds.is_some_and(|b| b != config.bounds) {
-        return Err(differs("bounds", &format!("{:?} to {:?}", config.bounds.lo, config.bounds.hi)));
+    if args.bounds.is_some() && args.bounds != config.bounds {
+        let told = |bounds: Bounds| format!("{:?} to {:?}", bounds.lo, bounds.hi);
+        return Err(differs("bounds", &config.bounds.map_or("that are yet to be found".to_owned(), told)));
     }
+    Ok(())
+}
+
+/// Checks that no more is done than a new budget allows: its schedules could not be followed any more.
+fn check_longer(run: &RunFolder, config: &RunConfig, budget: &Budget) -> anyhow::Result<()> {
+    if !run.checkpoint().is_file() {
+        return Ok(());
+    }
+    let field = Parameters::init(config.field()?, 0)?;
+    let done = Checkpoint::load(&run.checkpoint(), field)?.map_or_else(Standing::default, |c| c.standing);
+    ensure!(
+        !budget.is_exceeded(done.step, done.seconds),
+        "{}: {} steps in {:.1} minutes are done already: give more --steps or --minutes than that, or leave both out",
+        run.root().display(),
+        done.step,
+        done.seconds / 60.0
+    );
     Ok(())
 }
 

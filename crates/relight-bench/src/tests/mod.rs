@@ -71,7 +71,7 @@ fn record(job: &Job) -> Record {
         seed: job.seed,
         splits: "0123456789abcdef".into(),
         budget: settings().budget,
-        bounds: Bounds { lo: [0.0; 3], hi: [1.0; 3] },
+        bounds: Some(Bounds { lo: [0.0; 3], hi: [1.0; 3] }),
         search: Bounds { lo: [0.0; 3], hi: [1.0; 3] },
         recipe: Recipe::fast(),
     };

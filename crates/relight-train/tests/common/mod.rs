@@ -42,7 +42,7 @@ pub fn config(data: &Data, steps: Option<u64>) -> RunConfig {
         seed: 7,
         splits: splits_fingerprint(&data.scene, &data.splits),
         budget: Budget { steps, minutes: None },
-        bounds: scene_bounds(&data.scene),
+        bounds: Some(scene_bounds(&data.scene)),
         search: scene_bounds(&data.scene),
         recipe: Recipe {
             rays_per_step: 32,
