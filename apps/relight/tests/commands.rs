@@ -114,6 +114,11 @@ fn pictures_maps_and_films_are_rendered() {
         shop.succeed(&format!("render run --path {path} --frames 3 --out {path}"));
         assert!(shop.path(path).join("00002.png").is_file());
     }
+    // A film may be drawn again in its folder, but in no other that holds something.
+    shop.succeed("render run --path orbit --frames 2 --out lights");
+    assert!(!shop.path("lights/00002.png").exists());
+    let said = shop.fail("render run --path orbit --frames 2 --out scene", 1);
+    assert!(said.contains("scene: is not empty and holds no film"), "{said}");
     shop.succeed("render run --path lights --frames 3 --fps 5 --out film.mp4");
     assert_eq!(&fs::read(shop.path("film.mp4")).unwrap()[4..8], b"ftyp");
 }

@@ -7,6 +7,7 @@ mod dome;
 mod error;
 mod files;
 mod film;
+mod frames;
 mod interpolation;
 mod maps;
 mod path_file;

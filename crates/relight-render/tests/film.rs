@@ -117,8 +117,48 @@ fn frames_go_into_a_folder() {
     let mut film = Film::create(&path, RATE, 1).unwrap();
     film.push(&drawn[1]).unwrap();
     film.finish().unwrap();
-    assert_eq!(std::fs::read_dir(&path).unwrap().count(), 1);
+    let names = |path: &Path| {
+        let names = std::fs::read_dir(path).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap());
+        names.collect::<std::collections::BTreeSet<String>>()
+    };
+    assert_eq!(names(&path), ["00000.png", "film.json"].map(str::to_owned).into());
     assert_eq!(read_image(&path.join("00000.png")).unwrap(), drawn[1]);
+
+    // What is no film's is neither overwritten nor removed.
+    std::fs::write(path.join("00001.png"), "a photograph").unwrap();
+    let told = Film::create(&path, RATE, 2).err().unwrap().to_string();
+    assert!(told.contains("00001.png: is there already"), "{told}");
+    let mut film = Film::create(&path, RATE, 1).unwrap();
+    film.push(&drawn[0]).unwrap();
+    assert!(film.push(&drawn[1]).unwrap_err().to_string().contains("gets no more"));
+    film.finish().unwrap();
+    assert_eq!(read_image(&path.join("00000.png")).unwrap(), drawn[0]);
+    assert_eq!(std::fs::read(path.join("00001.png")).unwrap(), b"a photograph");
+
+    let other = folder.path().join("photographs");
+    std::fs::create_dir(&other).unwrap();
+    std::fs::write(other.join("00000.png"), "a photograph").unwrap();
+    let told = Film::create(&other, RATE, 1).err().unwrap().to_string();
+    assert!(told.contains("photographs: is not empty and holds no film"), "{told}");
+    std::fs::write(other.join("film.json"), "{\"format\":\"relight-film-9\",\"frames\":1,\"frame_rate\":1}")
+        .unwrap();
+    let told = Film::create(&other, RATE, 1).err().unwrap().to_string();
+    assert!(told.contains("film.json: format \"relight-film-9\""), "{told}");
+    assert_eq!(std::fs::read(other.join("00000.png")).unwrap(), b"a photograph");
+}
+
+#[test]
+fn a_film_that_was_stopped_is_drawn_again_in_its_place() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frames");
+    let drawn = frames(3, 20, 15);
+    let mut film = Film::create(&path, RATE, 3).unwrap();
+    film.push(&drawn[0]).unwrap();
+    drop(film);
+    let mut film = Film::create(&path, RATE, 3).unwrap();
+    drawn.iter().for_each(|frame| film.push(frame).unwrap());
+    film.finish().unwrap();
+    assert_eq!(read_image(&path.join("00002.png")).unwrap(), drawn[2]);
 }
 
 #[test]
