@@ -6,7 +6,7 @@ use std::fs;
 
 use common::{Workshop, lines, metrics};
 use relight_field::weights_file;
-use relight_scene::read_image;
+use relight_scene::{Frame, Scene, read_image};
 
 #[test]
 fn training_reports_json_lines_and_leaves_a_run() {
@@ -121,6 +121,44 @@ fn pictures_maps_and_films_are_rendered() {
     assert!(said.contains("scene: is not empty and holds no film"), "{said}");
     shop.succeed("render run --path lights --frames 3 --fps 5 --out film.mp4");
     assert_eq!(&fs::read(shop.path("film.mp4")).unwrap()[4..8], b"ftyp");
+}
+
+/// Writes the scene as `flat/transforms.json`, where lights have positions alone.
+fn flatten(shop: &Workshop) -> Scene {
+    let scene = Scene::open(&shop.path("scene")).unwrap();
+    let lens = &scene.cameras[0].intrinsics;
+    let frame = |frame: &Frame| {
+        // OpenGL's camera axes.
+        let rows = scene.cameras[frame.camera].pose.0.map(|[x, y, z, t]| [x, -y, -z, t]);
+        serde_json::json!({
+            "file_path": frame.path,
+            "transform_matrix": rows,
+            "pl_pos": scene.lights[frame.light].pose.position(),
+        })
+    };
+    let file = serde_json::json!({
+        "w": lens.width, "h": lens.height, "fl_x": lens.fx, "fl_y": lens.fy,
+        "frames": scene.frames.iter().map(frame).collect::<Vec<_>>(),
+    });
+    fs::create_dir(shop.path("flat")).unwrap();
+    fs::write(shop.path("flat/transforms.json"), file.to_string()).unwrap();
+    Scene::open(&shop.path("flat")).unwrap()
+}
+
+#[test]
+fn a_light_is_the_same_by_number_and_by_position() {
+    let shop = Workshop::new();
+    let scene = flatten(&shop);
+    // The model that is told how a light is turned, too.
+    shop.succeed("train flat --out run --model v1 --recipe recipe.toml --steps 60");
+    let draw = |light: &str| {
+        shop.succeed(&format!("render run --camera 2 --light {light} --out a.png"));
+        read_image(&shop.path("a.png")).unwrap()
+    };
+    let by_number = draw("1");
+    let [x, y, z] = scene.lights[1].pose.position();
+    assert_eq!(draw(&format!("{x},{y},{z}")), by_number);
+    assert_ne!(draw("2"), by_number);
 }
 
 #[test]

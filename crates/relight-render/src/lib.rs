@@ -23,5 +23,5 @@ pub use files::{check_picture_name, write_exr, write_picture};
 pub use film::Film;
 pub use maps::Map;
 pub use picture::{Picture, check_size, render};
-pub use placement::{LightName, focus, named_camera};
+pub use placement::{LightName, named_camera};
 pub use rays::camera_rays;

@@ -3,19 +3,12 @@
 use std::path::Path;
 use std::str::FromStr;
 
-use relight_scene::{Camera, Intrinsics, Light, Pose, Scene, read_text, scene_bounds};
+use relight_scene::{Camera, Intrinsics, Light, Pose, read_text};
 
 use crate::error::RenderError;
 
 /// A pose file's longest length, bytes.
 const LONGEST_FILE: u64 = 1 << 16;
-
-/// The point that a scene's cameras look at, world frame, metres: the middle of
-/// [`scene_bounds`](relight_scene::scene_bounds).
-pub fn focus(scene: &Scene) -> [f64; 3] {
-    let bounds = scene_bounds(scene);
-    std::array::from_fn(|i| 0.5 * (f64::from(bounds.lo[i]) + f64::from(bounds.hi[i])))
-}
 
 /// The camera called `name`: the number (label) of one of `cameras`, or a file with the 16 numbers of a 4x4
 /// camera-to-world matrix (row-major, metres, OpenCV axes; as ReNe's pose files, or JSON), which gets the lens of the

@@ -63,8 +63,9 @@ pub(crate) fn nearest_point(sights: &[Sight], prior: Vector) -> Vector {
     point
 }
 
-/// The point that a scene's cameras look at; where they leave it open, near the middle of the lights.
-pub(crate) fn focus(cameras: &[Camera], lights: &[Light]) -> Vector {
+/// The point that a scene's cameras look at, world frame, metres: the nearest to the rays through the middles of their
+/// images; where they leave it open, as one camera does, near the middle of the lights.
+pub fn focus(cameras: &[Camera], lights: &[Light]) -> Vector {
     let sights: Vec<Sight> = cameras.iter().map(Sight::of).collect();
     let lit = mean(&lights.iter().map(|light| light.pose.position()).collect::<Vec<_>>());
     let guesses: Vec<Vector> = sights

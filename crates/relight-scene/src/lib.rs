@@ -35,6 +35,7 @@ pub use camera::{Camera, Intrinsics};
 pub use check::{Report, check};
 pub use error::{Fault, FaultKind, SceneError, Severity};
 pub use files::{UNFINISHED, read_bytes, read_text, write_whole};
+pub use focus::focus;
 pub use formats::ReneWriter;
 pub use frame::Frame;
 pub use image_file::{Image, decode_image, read_image};

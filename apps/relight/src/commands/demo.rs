@@ -11,8 +11,8 @@ use relight_bench::report_page::ReportPage;
 use relight_capture::session::{self, Ending as Shot};
 use relight_capture::virtual_rig::VirtualCapture;
 use relight_field::engine::{Engine, Outputs, RenderSettings};
-use relight_render::{Film, Map, focus, paths, render};
-use relight_scene::{Image, PixelStore, Scene, Split};
+use relight_render::{Film, Map, paths, render};
+use relight_scene::{Image, PixelStore, Scene, Split, focus};
 use relight_train::Report;
 use relight_train::baselines::{NearestLight, mean_image};
 use relight_train::evaluation::{Evaluation, Scores, evaluate};
@@ -172,7 +172,8 @@ fn draw_film(
     let camera = &scene.cameras[view];
     let lens =
         camera.intrinsics.resized(ENLARGED * camera.intrinsics.width, ENLARGED * camera.intrinsics.height);
-    let shots = paths::lights(&scene.lights, focus(scene), &camera.pose, FRAMES)?;
+    let focus = focus(&scene.cameras, &scene.lights);
+    let shots = paths::lights(&scene.lights, focus, &camera.pose, FRAMES)?;
     let mut film = Film::create(path, FRAME_RATE, FRAMES)?;
     let bar = Progress::new("filming", FRAMES as u64, quiet);
     let cancel = cancel_flag()?;

@@ -7,10 +7,10 @@ use std::time::{Duration, Instant};
 use anyhow::{bail, ensure};
 use relight_field::engine::{Engine, RenderSettings};
 use relight_render::{
-    Film, LightName, Map, RenderError, check_picture_name, check_size, focus, named_camera, paths, render,
+    Film, LightName, Map, RenderError, check_picture_name, check_size, named_camera, paths, render,
     write_picture,
 };
-use relight_scene::{Intrinsics, Scene};
+use relight_scene::{Intrinsics, Scene, focus};
 use relight_train::run::RunFolder;
 
 use crate::console::{Progress, cancel_flag, unless};
@@ -96,7 +96,7 @@ fn picture(args: &Args, scene: &Scene, engine: &dyn Engine, quiet: bool) -> anyh
         bail!("--camera and --light are needed without --path");
     };
     let (lens, pose) = named_camera(&scene.cameras, camera)?;
-    let light = light.pose(&scene.lights, focus(scene))?;
+    let light = light.pose(&scene.lights, focus(&scene.cameras, &scene.lights))?;
     let cancel = cancel_flag()?;
     let bar = Progress::new("drawing", 1, quiet);
     let lens = resized(&lens, args.size);
@@ -118,7 +118,7 @@ fn film(args: &Args, path: &str, scene: &Scene, engine: &dyn Engine, quiet: bool
     let first_camera = scene.cameras[0].label.to_string();
     let first_light = LightName::Label(scene.lights[0].label);
     let (lens, pose) = named_camera(&scene.cameras, args.camera.as_ref().unwrap_or(&first_camera))?;
-    let focus = focus(scene);
+    let focus = focus(&scene.cameras, &scene.lights);
     let light = args.light.as_ref().unwrap_or(&first_light).pose(&scene.lights, focus)?;
     let shots = match path {
         "orbit" => paths::orbit(&scene.cameras, &lens, focus, &light, args.frames)?,
