@@ -44,7 +44,7 @@ pub struct SceneInfo {
     pub same_size: bool,
     /// Whether any lens distorts.
     pub distorted: bool,
-    /// The box found from cameras and lights, metres.
+    /// The box found from cameras and lights, metres. Surfaces that stereo finds in it may make a training's box tighter.
     pub bounds: Bounds,
     /// Images in each split.
     pub splits: SplitCounts,

@@ -48,7 +48,8 @@ struct Check {
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  relight scene sheet SCENE --out sheet.png\n\n\
                   Beside the photographs, the poses from aslant and from above: training cameras blue, validation \
-                  green, test red; training lights yellow, test lights orange; the box that would be trained grey.")]
+                  green, test red; training lights yellow, test lights orange; grey the box found from cameras and lights, which preset \
+                  fast makes tighter around the surfaces that stereo finds.")]
 struct Sheet {
     /// Folder of the scene.
     scene: PathBuf,
@@ -87,7 +88,11 @@ fn describe(info: &SceneInfo) -> String {
             if info.same_size { "" } else { ", others too" },
             if info.distorted { ", with lens distortion" } else { "" }
         ),
-        format!("bounds   {} to {} m", corner(info.bounds.lo), corner(info.bounds.hi)),
+        format!(
+            "bounds   {} to {} m by cameras and lights; preset fast makes it tighter by stereo",
+            corner(info.bounds.lo),
+            corner(info.bounds.hi)
+        ),
         format!(
             "splits   train {} ({:.2} GB of pixels), val {}, easy {}, hard {}",
             splits.train,

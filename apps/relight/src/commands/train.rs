@@ -63,7 +63,7 @@ pub struct Args {
     /// Seed of every random draw. [default: 0]
     #[arg(long)]
     seed: Option<u32>,
-    /// World box of the field, metres; found from the scene without it.
+    /// World box of the field, metres; without it found from cameras and lights, and made tighter by stereo.
     #[arg(long, value_name = "X0,Y0,Z0,X1,Y1,Z1", value_parser = bounds, allow_hyphen_values = true)]
     bounds: Option<Bounds>,
     /// Continue the run in RUN; start it if there is none.
@@ -111,7 +111,7 @@ fn begin(args: &Args, quiet: bool) -> anyhow::Result<(RunFolder, RunConfig, Prep
         check_bounds(&scene, bounds).map_err(|fault| {
             let scene = args.scene.display();
             anyhow::anyhow!(
-                "--bounds: {fault}; the box found without it is told by relight scene info {scene}"
+                "--bounds: {fault}; relight scene info {scene} tells the box in which surfaces are looked for without it"
             )
         })?;
     }
