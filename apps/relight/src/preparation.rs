@@ -104,10 +104,15 @@ impl Prepared {
     /// Looks for surfaces in the box `search` by stereo, where the recipe wants it. Fails if it is stopped meanwhile.
     pub fn find_surfaces(&mut self, recipe: &Recipe, search: &Bounds) -> anyhow::Result<()> {
         let cancel = cancel_flag()?;
-        if recipe.stereo {
-            let started = Instant::now();
+        let started = Instant::now();
+        let found = recipe.stereo.then(|| {
             let settings = StereoSettings::default();
-            let found = DepthPrior::find(&self.scene, &self.pixels, search, &settings, &|| unless(cancel));
+            DepthPrior::find(&self.scene, &self.pixels, search, &settings, &|| unless(cancel))
+        });
+        if unless(cancel).is_break() {
+            bail!("stopped before the first step of training");
+        }
+        if let Some(found) = found {
             self.seconds = started.elapsed().as_secs_f64();
             match &found {
                 Some((prior, source)) => tracing::info!(
@@ -122,9 +127,6 @@ impl Prepared {
                 None => tracing::info!("too few views and lights for stereo"),
             }
             self.depths = found.map(|(prior, _)| prior);
-        }
-        if unless(cancel).is_break() {
-            bail!("stopped before the first step of training");
         }
         Ok(())
     }
