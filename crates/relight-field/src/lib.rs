@@ -6,9 +6,11 @@ pub mod encoding;
 pub mod engine;
 pub mod network;
 pub mod parameters;
-pub mod random;
 pub mod real;
 pub mod reference;
 pub mod sampling;
 pub mod tensor_file;
 pub mod weights_file;
+
+/// Random numbers by counter.
+pub use relight_scene::random;

@@ -23,6 +23,7 @@ mod info;
 mod light;
 mod pixel_store;
 mod pose;
+pub mod random;
 mod reading;
 mod scene;
 mod sheet;
@@ -30,7 +31,7 @@ mod splits;
 mod vector;
 
 pub use bounds::{Bounds, BoundsFault, check_bounds, scene_bounds};
-pub use cache_file::{CacheEntry, CacheKind};
+pub use cache_file::{CacheEntry, CacheKind, fnv1a};
 pub use camera::{Camera, Intrinsics};
 pub use check::{Report, check};
 pub use error::{Fault, FaultKind, SceneError, Severity};

@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 use relight_field::architecture::{Architecture, VARIANTS};
 use relight_field::parameters::FieldConfig;
 use relight_field::sampling::EngineConfig;
-use relight_scene::{Bounds, Scene, Splits, UNFINISHED, read_text};
+use relight_scene::{Bounds, Scene, Splits, UNFINISHED, fnv1a, read_text};
 use serde::{Deserialize, Serialize};
 
 use crate::TrainError;
@@ -105,12 +105,8 @@ pub fn field_of(recipe: &Recipe, model: &str, bounds: Bounds) -> Result<FieldCon
 /// (captures of one rig differ in nothing else). Scores of a run mean something only on the scene and splits that it
 /// was trained with.
 pub fn splits_fingerprint(scene: &Scene, splits: &Splits) -> String {
-    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
-    let mut eat = |value: u64| {
-        for byte in value.to_le_bytes() {
-            hash = (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
-        }
-    };
+    let mut bytes = Vec::new();
+    let mut eat = |value: u64| bytes.extend(value.to_le_bytes());
     for frames in [&splits.train, &splits.val, &splits.easy, &splits.hard] {
         eat(frames.len() as u64);
         for &frame in frames {
@@ -129,7 +125,7 @@ pub fn splits_fingerprint(scene: &Scene, splits: &Splits) -> String {
     }
     let poses = scene.cameras.iter().map(|c| &c.pose).chain(scene.lights.iter().map(|l| &l.pose));
     poses.flat_map(|pose| pose.0.as_flattened()).for_each(|v| eat(v.to_bits()));
-    format!("{hash:016x}")
+    format!("{:016x}", fnv1a(&bytes))
 }
 
 /// What a training that failed before its first checkpoint leaves behind.

@@ -3,6 +3,7 @@
 use std::collections::{HashMap, HashSet};
 
 use super::{HeldOut, Splits, by_held_out};
+use crate::random::Random;
 use crate::scene::Scene;
 
 /// Fixed: the same capture has the same splits wherever it is opened.
@@ -17,23 +18,22 @@ const VAL_FRAMES: usize = 9;
 /// Fewer cameras than this and none is held out for validation alone; fewer lights and none is held out.
 const FEW: usize = 5;
 
-/// SplitMix64 (Steele et al. 2014).
-struct Random(u64);
+/// Numbers drawn one after another.
+struct Draws(Random);
 
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
+impl Draws {
+    fn new() -> Draws {
+        Draws(Random::from_state(SEED))
     }
 
     /// Takes `count` of the items out, at random.
     fn take(&mut self, items: &mut Vec<usize>, count: usize) -> Vec<usize> {
-        (0..count.min(items.len()))
-            .map(|_| items.swap_remove((self.next() % items.len() as u64) as usize))
-            .collect()
+        let count = count.min(items.len());
+        let taken = (0..count as u64)
+            .map(|n| items.swap_remove((self.0.u64_at(n) % items.len() as u64) as usize))
+            .collect();
+        self.0 = self.0.after(count as u64);
+        taken
     }
 }
 
@@ -46,7 +46,7 @@ fn share(count: usize, share: f64) -> usize {
 /// `hard` stays empty with fewer than 5 lights, and with one camera there is no test at all. Where each light is used
 /// once there are no lights to hold out: a share of the frames is `easy`.
 pub(super) fn draw(scene: &Scene) -> Splits {
-    let mut random = Random(SEED);
+    let mut random = Draws::new();
     let is_grid = scene.frames.len() > scene.lights.len();
     let mut cameras: Vec<usize> = (0..scene.cameras.len()).collect();
     let mut lights: Vec<usize> = (0..scene.lights.len()).collect();
@@ -83,7 +83,7 @@ pub(super) fn draw(scene: &Scene) -> Splits {
 pub(super) fn with_validation(mut splits: Splits) -> Splits {
     if splits.val.is_empty() && splits.train.len() > 1 {
         let count = VAL_FRAMES.min(share(splits.train.len(), CAMERAS));
-        splits.val = Random(SEED).take(&mut splits.train, count);
+        splits.val = Draws::new().take(&mut splits.train, count);
         splits.val.sort_unstable();
         splits.train.sort_unstable();
     }

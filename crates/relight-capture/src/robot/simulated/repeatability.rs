@@ -1,5 +1,7 @@
 //! Where an arm comes to rest when told to go somewhere.
 
+use relight_scene::random::{GAMMA, mix};
+
 use super::super::arm::Joints;
 
 /// Standard deviation of each joint, radians. At the reach of a capture it moves the flange of a UR5e by 0.03 mm (root
@@ -60,16 +62,6 @@ impl Repeatability {
             q + self.deviation * radius * angle.cos()
         })
     }
-}
-
-/// Odd increment of SplitMix64 (Steele, Lea and Flood 2014).
-const GAMMA: u64 = 0x9E37_79B9_7F4A_7C15;
-
-/// SplitMix64's finaliser.
-const fn mix(mut z: u64) -> u64 {
-    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    z ^ (z >> 31)
 }
 
 #[cfg(test)]

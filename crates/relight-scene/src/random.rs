@@ -2,13 +2,13 @@
 //!
 //! Nothing is carried from draw to draw, so results do not depend on the number of threads or on the order in which
 //! they draw. The function is SplitMix64 (Steele, Lea and Flood 2014) with random access: output `i` is the
-//! finaliser applied to `key + i * gamma`, where the key is a hash of seed and stream.
+//! finaliser applied to `key + (i + 1) * gamma`, where the key is a hash of seed and stream.
 
 /// Odd increment of SplitMix64: 2^64 over the golden ratio.
-const GAMMA: u64 = 0x9E37_79B9_7F4A_7C15;
+pub const GAMMA: u64 = 0x9E37_79B9_7F4A_7C15;
 
 /// SplitMix64's finaliser: a bijection in which every input bit reaches every output bit.
-const fn mix(mut z: u64) -> u64 {
+pub const fn mix(mut z: u64) -> u64 {
     z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
     z ^ (z >> 31)
@@ -24,6 +24,11 @@ impl Random {
     /// The stream numbered `stream` of `seed`. Give each purpose (and each training step) a stream of its own.
     pub const fn new(seed: u64, stream: u64) -> Self {
         Self { key: mix(mix(seed.wrapping_add(GAMMA)) ^ stream.wrapping_mul(GAMMA)) }
+    }
+
+    /// SplitMix64 itself, from the state `state`.
+    pub const fn from_state(state: u64) -> Self {
+        Self { key: state }
     }
 
     /// The stream without its first `n` numbers.
@@ -60,7 +65,7 @@ mod tests {
     #[test]
     fn finaliser_is_that_of_splitmix64() {
         // First outputs of SplitMix64 with state 0 (Vigna's reference program).
-        let stream = Random { key: 0 };
+        let stream = Random::from_state(0);
         assert_eq!(stream.u64_at(0), 0xE220_A839_7B1D_CDAF);
         assert_eq!(stream.u64_at(1), 0x6E78_9E6A_A1B9_65F4);
         assert_eq!(stream.u64_at(2), 0x06C4_5D18_8009_454F);
