@@ -163,7 +163,7 @@ pub fn open(path: &Path) -> anyhow::Result<(Scene, Splits)> {
 }
 
 /// Loads the training images of a scene, until Ctrl-C.
-pub fn load_pixels(scene: &Scene, splits: &Splits, quiet: bool) -> anyhow::Result<PixelStore> {
+fn load_pixels(scene: &Scene, splits: &Splits, quiet: bool) -> anyhow::Result<PixelStore> {
     let cancel = cancel_flag()?;
     let bar = Progress::new("loading", splits.train.len() as u64, quiet);
     let pixels = PixelStore::load(scene, &splits.train, &|done, all| {

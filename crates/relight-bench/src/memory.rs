@@ -18,7 +18,7 @@ const SHARE: f64 = 0.8;
 pub struct Need {
     /// The scene's training pixels, which jobs of one scene share.
     pub pixels: u64,
-    /// All that is a job's own.
+    /// All that is a job's own: the photographs that it is scored on, too.
     pub own: u64,
 }
 
@@ -29,9 +29,13 @@ impl Need {
             let lens = &scene.cameras[scene.frames[frame].camera].intrinsics;
             3 * u64::from(lens.width) * u64::from(lens.height)
         };
+        let pixels = |frames: &[usize]| frames.iter().map(pixels).sum::<u64>();
+        let scored = [&splits.val, &splits.easy, &splits.hard].map(|frames| pixels(frames));
+        let scored = scored.into_iter().max().unwrap_or(0);
         let grid = recipe.grid.unwrap_or_default();
         let entries = (grid.levels as u64 * grid.features as u64) << grid.log2_table;
-        Self { pixels: splits.train.iter().map(pixels).sum(), own: BASE + 4 * NUMBERS_AN_ENTRY * entries }
+        let own = BASE + scored + 4 * NUMBERS_AN_ENTRY * entries;
+        Self { pixels: pixels(&splits.train), own }
     }
 
     /// How many of the jobs with the needs `all` fit into `available` bytes at once, whichever they are; at least one.

@@ -6,7 +6,7 @@ use std::path::Path;
 use relight_field::engine::{Engine, RenderSettings};
 use relight_metrics::error_map;
 use relight_render::{Map, render};
-use relight_scene::{Frame, Image, PixelStore, Scene, Split, Splits};
+use relight_scene::{Frame, Image, Scene, Split, Splits};
 use relight_train::TrainError;
 use relight_train::evaluation::{Evaluation, Scores, evaluate};
 use relight_train::run::RunConfig;
@@ -35,7 +35,7 @@ struct Chosen {
 }
 
 /// Scores `engine` on validation, easy and hard, and keeps pictures of one image of the hardest split that can be scored in
-/// `folder`. Test images that are black, as the official release has them, are not scored: their split says why. `seen`
+/// `folder`. `mean_image` is that of the training images, a baseline. Test images that are black, as the official release has them, are not scored: their split says why. `seen`
 /// is told how many images are done, and of how many. `None` if it breaks off.
 ///
 /// # Errors
@@ -44,7 +44,7 @@ struct Chosen {
 pub fn score(
     scene: &Scene,
     splits: &Splits,
-    pixels: &PixelStore,
+    mean_image: Option<&Image>,
     config: &RunConfig,
     engine: &dyn Engine,
     folder: &Path,
@@ -57,7 +57,7 @@ pub fn score(
     for split in SPLITS {
         let frames = splits.get(split);
         let mut picture = None;
-        let scored = evaluate(scene, splits, split, pixels, &config.model, engine, &mut |drawn| {
+        let scored = evaluate(scene, splits, split, mean_image, &config.model, engine, &mut |drawn| {
             if frames.get(frames.len() / 2) == Some(&drawn.frame) {
                 picture = Some((drawn.frame, drawn.image.clone()));
             }

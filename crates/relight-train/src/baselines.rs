@@ -1,41 +1,22 @@
 //! What can be had without learning anything: scores that a trained field must beat.
 
 use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
-use relight_scene::{Image, PixelStore, Pose, Scene, SceneError};
+use relight_scene::{Image, Pose, Scene, SceneError};
 
-/// The mean of all training images, rounded; `None` where they differ in size or there are none.
-pub fn mean_image(scene: &Scene, store: &PixelStore) -> Option<Image> {
-    let size = |v: usize| {
-        let camera = &scene.cameras[store.camera(v)].intrinsics;
-        (camera.width, camera.height)
-    };
-    let (width, height) = (store.views() > 0).then(|| size(0))?;
-    if (1..store.views()).any(|v| size(v) != (width, height)) {
-        return None;
-    }
-    let images: u64 = (0..store.views()).map(|v| store.lights(v).len() as u64).sum();
-    let pixels = width as usize * height as usize;
-    let mut sums = vec![[0u64; 3]; pixels];
-    for v in 0..store.views() {
-        sums.par_iter_mut().enumerate().with_min_len(1024).for_each(|(pixel, sum)| {
-            for colour in store.pixel(v, pixel) {
-                for (s, &c) in sum.iter_mut().zip(colour) {
-                    *s += u64::from(c);
-                }
-            }
-        });
-    }
-    let data = sums.iter().flatten().map(|&sum| mean_of(sum, images)).collect();
-    Some(Image { width, height, data })
-}
-
-/// As [`mean_image`], of the frames numbered `frames`: each is read and forgotten, so that nothing but the sum is held.
+/// The mean of the images of the frames numbered `frames`, rounded; `None` where they differ in size or there are none.
+/// Each is read and forgotten, so that nothing but sums is held. `progress` is told how many are done, and of how many.
 ///
 /// # Errors
-/// [`SceneError`] if one cannot be read.
-pub fn mean_frame(scene: &Scene, frames: &[usize]) -> Result<Option<Image>, SceneError> {
+/// [`SceneError`] if one cannot be read; [`SceneError::Cancelled`] if `progress` breaks off.
+pub fn mean_image(
+    scene: &Scene,
+    frames: &[usize],
+    progress: &(dyn Fn(usize, usize) -> ControlFlow<()> + Sync),
+) -> Result<Option<Image>, SceneError> {
     let Some(&first) = frames.first() else { return Ok(None) };
     let size = |frame: usize| {
         let camera = &scene.cameras[scene.frames[frame].camera].intrinsics;
@@ -46,10 +27,14 @@ pub fn mean_frame(scene: &Scene, frames: &[usize]) -> Result<Option<Image>, Scen
         return Ok(None);
     }
     let nothing = || vec![0u64; 3 * width as usize * height as usize];
+    let done = AtomicUsize::new(0);
     let sums = frames
         .par_iter()
         .try_fold(nothing, |mut sums, &frame| {
             let image = scene.read_frame(frame)?;
+            if progress(done.fetch_add(1, Ordering::Relaxed) + 1, frames.len()).is_break() {
+                return Err(SceneError::Cancelled);
+            }
             sums.iter_mut().zip(&image.data).for_each(|(sum, &byte)| *sum += u64::from(byte));
             Ok::<_, SceneError>(sums)
         })
@@ -57,13 +42,9 @@ pub fn mean_frame(scene: &Scene, frames: &[usize]) -> Result<Option<Image>, Scen
             sums.iter_mut().zip(others).for_each(|(sum, other)| *sum += other);
             Ok(sums)
         })?;
-    let data = sums.into_iter().map(|sum| mean_of(sum, frames.len() as u64)).collect();
+    let count = frames.len() as u64;
+    let data = sums.into_iter().map(|sum| ((sum + count / 2) / count) as u8).collect();
     Ok(Some(Image { width, height, data }))
-}
-
-/// A mean, halves rounded up.
-fn mean_of(sum: u64, count: u64) -> u8 {
-    ((sum + count / 2) / count.max(1)) as u8
 }
 
 /// The training images by camera, to copy from.

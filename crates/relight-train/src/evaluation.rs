@@ -5,11 +5,11 @@ use std::ops::ControlFlow;
 use rayon::prelude::*;
 use relight_field::engine::Engine;
 use relight_metrics::{MetricError, psnr, ssim};
-use relight_scene::{Image, PixelStore, Scene, Split, Splits};
+use relight_scene::{Image, Scene, Split, Splits};
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::TrainError;
-use crate::baselines::{NearestLight, mean_image};
+use crate::baselines::NearestLight;
 use crate::picture::draw;
 
 /// PSNR and SSIM, of an image or as mean over images.
@@ -79,7 +79,8 @@ pub struct Drawn<'a> {
     pub all: usize,
 }
 
-/// Draws each image of `split` and scores it; each is shown to `seen`. `None` if `seen` breaks off.
+/// Draws each image of `split` and scores it; each is shown to `seen`. Beside it stands `mean_image`, that of the training
+/// images, as a baseline. `None` if `seen` breaks off. The split's photographs are held in memory.
 ///
 /// # Errors
 /// [`TrainError::Data`] if the split is empty; [`TrainError::BlackGroundTruth`] if an image is all black (nothing is
@@ -88,7 +89,7 @@ pub fn evaluate(
     scene: &Scene,
     splits: &Splits,
     split: Split,
-    train: &PixelStore,
+    mean_image: Option<&Image>,
     model: &str,
     engine: &dyn Engine,
     seen: &mut dyn FnMut(Drawn<'_>) -> Result<ControlFlow<()>, TrainError>,
@@ -98,20 +99,18 @@ pub fn evaluate(
         return Err(TrainError::Data(format!("{}: the split {split} holds no images", scene.root.display())));
     }
     // Before anything is drawn.
-    read_truth(scene, frames, |_| ())?;
-    let mean_image = mean_image(scene, train);
+    let truths = read_truth(scene, frames, |image| image)?;
     let nearest = NearestLight::new(scene, &splits.train);
     let mut images = Vec::with_capacity(frames.len());
     let (mut mean_scores, mut nearest_scores) = (Vec::new(), Vec::new());
-    for (done, &index) in frames.iter().enumerate() {
+    for (done, (&index, truth)) in frames.iter().zip(truths).enumerate() {
         let frame = &scene.frames[index];
         let (camera, light) = (&scene.cameras[frame.camera], &scene.lights[frame.light]);
-        let truth = scene.read_frame(index)?;
         let drawn = draw(engine, &camera.intrinsics, &camera.pose, &light.pose)?;
         let compare = |image| compare(&truth, image).map_err(TrainError::metric(&frame.path));
         let scores = compare(&drawn)?;
         images.push(ImageScores { camera: camera.label, light: light.label, scores });
-        if let Some(image) = mean_image.as_ref().filter(|i| same_size(i, &truth)) {
+        if let Some(image) = mean_image.filter(|i| same_size(i, &truth)) {
             mean_scores.push(compare(image)?);
         }
         if let Some(image) = nearest.image(index)?.filter(|i| same_size(i, &truth)) {
@@ -138,11 +137,12 @@ pub fn evaluate(
 pub(crate) fn read_truth<T: Send>(
     scene: &Scene,
     frames: &[usize],
-    keep: impl Fn(&Image) -> T + Sync,
+    keep: impl Fn(Image) -> T + Sync,
 ) -> Result<Vec<T>, TrainError> {
     let read = |&frame: &usize| {
         let image = scene.read_frame(frame)?;
-        Ok((keep(&image), image.is_black()))
+        let is_black = image.is_black();
+        Ok((keep(image), is_black))
     };
     let read: Vec<(T, bool)> = frames.par_iter().map(read).collect::<Result<_, TrainError>>()?;
     match read.iter().position(|(_, black)| *black) {

@@ -38,7 +38,7 @@ impl<'a> Validation<'a> {
         let camera = |frame: usize| &scene.cameras[scene.frames[frame].camera].intrinsics;
         let all: usize = frames.iter().map(|&f| camera(f).width as usize * camera(f).height as usize).sum();
         let stride = (1..=64).find(|k| all.div_ceil(k * k) <= pixels).unwrap_or(64);
-        let truth = read_truth(scene, frames, |image| decimated(image, stride))?;
+        let truth = read_truth(scene, frames, |image| decimated(&image, stride))?;
         let images = frames.iter().zip(truth);
         let images = images.map(|(&frame, image)| (frame, decimated_camera(camera(frame), stride), image));
         Ok(Self { scene, images: images.collect() })

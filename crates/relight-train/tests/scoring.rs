@@ -6,9 +6,9 @@ use std::ops::ControlFlow;
 
 use common::{FakeEngine, config, tiny_scene};
 use relight_metrics::psnr;
-use relight_scene::{Image, Split};
+use relight_scene::{Image, SceneError, Split};
 use relight_train::TrainError;
-use relight_train::baselines::{NearestLight, mean_frame, mean_image};
+use relight_train::baselines::{NearestLight, mean_image};
 use relight_train::evaluation::evaluate;
 
 #[test]
@@ -16,8 +16,15 @@ fn the_mean_image_is_the_mean_of_all_training_images() {
     let folder = tempfile::tempdir().unwrap();
     let data = tiny_scene(folder.path());
     let images: Vec<Image> = data.splits.train.iter().map(|&f| data.scene.read_frame(f).unwrap()).collect();
-    let mean = mean_image(&data.scene, &data.pixels).unwrap();
-    assert_eq!(mean_frame(&data.scene, &data.splits.train).unwrap().unwrap(), mean);
+    let all = data.splits.train.len();
+    let mean_until = |last: usize| {
+        mean_image(&data.scene, &data.splits.train, &|done, of| {
+            assert_eq!(of, all);
+            if done == last { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        })
+    };
+    assert!(matches!(mean_until(all), Err(SceneError::Cancelled)));
+    let mean = mean_until(all + 1).unwrap().unwrap();
     for (i, &byte) in mean.data.iter().enumerate() {
         let sum: f64 = images.iter().map(|image| f64::from(image.data[i])).sum();
         assert!((f64::from(byte) - sum / images.len() as f64).abs() <= 0.5 + 1e-9);
@@ -57,25 +64,28 @@ fn scores_are_means_over_the_images_of_the_split() {
     let folder = tempfile::tempdir().unwrap();
     let data = tiny_scene(folder.path());
     let engine = FakeEngine::new(&config(&data, None));
+    let grey = Image { width: 24, height: 18, data: vec![100; 24 * 18 * 3] };
     let mut seen = Vec::new();
-    let scores =
-        evaluate(&data.scene, &data.splits, Split::Easy, &data.pixels, "v5", &engine, &mut |drawn| {
-            seen.push((drawn.frame, drawn.image.clone()));
-            Ok(ControlFlow::Continue(()))
-        })
-        .unwrap()
-        .unwrap();
+    let scores = evaluate(&data.scene, &data.splits, Split::Easy, Some(&grey), "v5", &engine, &mut |drawn| {
+        seen.push((drawn.frame, drawn.image.clone()));
+        Ok(ControlFlow::Continue(()))
+    })
+    .unwrap()
+    .unwrap();
     assert_eq!(seen.iter().map(|s| s.0).collect::<Vec<_>>(), data.splits.easy);
-    let mut sum = 0.0;
+    let (mut sum, mut sum_of_grey) = (0.0, 0.0);
     for ((frame, image), scored) in seen.iter().zip(&scores.images) {
         let truth = data.scene.read_frame(*frame).unwrap();
         let own = psnr(&image.data, &truth.data).unwrap();
         assert_eq!(scored.scores.psnr, own);
         assert_eq!(scored.camera, data.scene.cameras[data.scene.frames[*frame].camera].label);
         sum += own;
+        sum_of_grey += psnr(&grey.data, &truth.data).unwrap();
     }
-    assert!((scores.mean.psnr - sum / seen.len() as f64).abs() < 1e-12);
-    let stopped = evaluate(&data.scene, &data.splits, Split::Easy, &data.pixels, "v5", &engine, &mut |_| {
+    let images = seen.len() as f64;
+    assert!((scores.mean.psnr - sum / images).abs() < 1e-12);
+    assert!((scores.baselines.mean_image.unwrap().psnr - sum_of_grey / images).abs() < 1e-12);
+    let stopped = evaluate(&data.scene, &data.splits, Split::Easy, None, "v5", &engine, &mut |_| {
         Ok(ControlFlow::Break(()))
     });
     assert!(stopped.unwrap().is_none());
@@ -90,7 +100,7 @@ fn black_ground_truth_is_counted_and_named_and_nothing_is_drawn() {
     for &frame in &data.splits.easy[1..3] {
         black.write_png(&data.scene.frames[frame].path).unwrap();
     }
-    let error = evaluate(&data.scene, &data.splits, Split::Easy, &data.pixels, "v5", &engine, &mut |_| {
+    let error = evaluate(&data.scene, &data.splits, Split::Easy, None, "v5", &engine, &mut |_| {
         panic!("nothing is to be drawn")
     })
     .unwrap_err();

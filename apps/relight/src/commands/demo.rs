@@ -12,7 +12,7 @@ use relight_capture::session::{self, Ending as Shot};
 use relight_capture::virtual_rig::VirtualCapture;
 use relight_field::engine::{Engine, Outputs, RenderSettings};
 use relight_render::{Film, Map, paths, render};
-use relight_scene::{Image, PixelStore, Scene, Split, focus};
+use relight_scene::{Image, Scene, Split, focus};
 use relight_train::Report;
 use relight_train::baselines::{NearestLight, mean_image};
 use relight_train::evaluation::{Evaluation, Scores, evaluate};
@@ -89,6 +89,7 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let mut shown = Vec::new();
     let mut scores = Vec::new();
     let cancel = cancel_flag()?;
+    let mean = mean_image(&data.scene, &data.splits.train, &|_, _| unless(cancel))?;
     for split in [Split::Easy, Split::Hard] {
         let mut seen = |drawn: relight_train::evaluation::Drawn<'_>| {
             // The last ones: those of the hard split.
@@ -96,7 +97,7 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             Ok(unless(cancel))
         };
         let scored =
-            evaluate(&data.scene, &data.splits, split, &data.pixels, "v5", engine.as_ref(), &mut seen)?;
+            evaluate(&data.scene, &data.splits, split, mean.as_ref(), "v5", engine.as_ref(), &mut seen)?;
         let Some(scored) = scored else {
             bail!("stopped before all images were scored; the run is in {}", run.root().display());
         };
@@ -110,7 +111,7 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
 
     let page = page(&Told {
         scene: &data.scene,
-        pixels: &data.pixels,
+        mean: mean.as_ref(),
         train: &data.splits.train,
         engine: engine.as_ref(),
         scores: &scores,
@@ -198,7 +199,8 @@ fn draw_film(
 /// What the page tells.
 struct Told<'a> {
     scene: &'a Scene,
-    pixels: &'a PixelStore,
+    /// The mean of the training photographs.
+    mean: Option<&'a Image>,
     train: &'a [usize],
     engine: &'a dyn Engine,
     scores: &'a [Evaluation],
@@ -232,7 +234,6 @@ fn page(told: &Told<'_>) -> anyhow::Result<String> {
 
     page.heading("Unseen view, unseen light");
     let nearest = NearestLight::new(told.scene, told.train);
-    let mean = mean_image(told.scene, told.pixels);
     for (frame, drawn) in told.shown {
         let (camera, light) = (told.scene.frames[*frame].camera, told.scene.frames[*frame].light);
         let name =
@@ -250,7 +251,7 @@ fn page(told: &Told<'_>) -> anyhow::Result<String> {
                 "nearest photograph, copied".to_owned(),
             ));
         }
-        if let Some(image) = &mean {
+        if let Some(image) = told.mean {
             row.push((png(told, &format!("{frame}-mean"), image)?, "mean photograph".to_owned()));
         }
         page.pictures(&row);

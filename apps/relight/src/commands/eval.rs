@@ -6,12 +6,13 @@ use std::path::PathBuf;
 use anyhow::bail;
 use relight_scene::{Split, Splits};
 use relight_train::TrainError;
+use relight_train::baselines::mean_image;
 use relight_train::evaluation::{Drawn, Evaluation, Scores, evaluate};
 use relight_train::run::RunFolder;
 
 use crate::console::{Progress, cancel_flag, print_json, print_line, unless};
 use crate::engines;
-use crate::preparation::{check_splits, load_pixels, open_scene};
+use crate::preparation::{check_splits, open_scene};
 
 /// Score a trained run on images that it has not seen.
 ///
@@ -49,21 +50,26 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     if let Some(folder) = &args.images {
         fs::create_dir_all(folder).map_err(|source| TrainError::Io { path: folder.clone(), source })?;
     }
-    let pixels = load_pixels(&scene, &splits, quiet)?;
-    let bar = Progress::new("scoring", splits.get(args.split).len() as u64, quiet);
     let cancel = cancel_flag()?;
-    let result =
-        evaluate(&scene, &splits, args.split, &pixels, &config.model, engine.as_ref(), &mut |drawn| {
-            let Drawn { done, all, .. } = drawn;
-            bar.update(done as u64, all as u64, || format!("{done} of {all} images"));
-            if let Some(folder) = &args.images {
-                let frame = &scene.frames[drawn.frame];
-                let (light, camera) = (scene.lights[frame.light].label, scene.cameras[frame.camera].label);
-                let name = format!("{}_{light:02}_{camera:02}.png", scene.name);
-                drawn.image.write_png(&folder.join(name))?;
-            }
-            Ok(unless(cancel))
-        })?;
+    let bar = Progress::new("averaging", splits.train.len() as u64, quiet);
+    let mean = mean_image(&scene, &splits.train, &|done, all| {
+        bar.update(done as u64, all as u64, || format!("{done} of {all} training images"));
+        unless(cancel)
+    })?;
+    bar.clear();
+    let bar = Progress::new("scoring", splits.get(args.split).len() as u64, quiet);
+    let (mean, model) = (mean.as_ref(), &config.model);
+    let result = evaluate(&scene, &splits, args.split, mean, model, engine.as_ref(), &mut |drawn| {
+        let Drawn { done, all, .. } = drawn;
+        bar.update(done as u64, all as u64, || format!("{done} of {all} images"));
+        if let Some(folder) = &args.images {
+            let frame = &scene.frames[drawn.frame];
+            let (light, camera) = (scene.lights[frame.light].label, scene.cameras[frame.camera].label);
+            let name = format!("{}_{light:02}_{camera:02}.png", scene.name);
+            drawn.image.write_png(&folder.join(name))?;
+        }
+        Ok(unless(cancel))
+    })?;
     let Some(scores) = result else { bail!("stopped before all images were scored") };
     bar.finish(&format!("{} images scored", scores.images.len()));
     if args.json { print_json(&scores) } else { print_line(&table(&scores)) }

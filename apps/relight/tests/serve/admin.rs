@@ -1,11 +1,12 @@
 //! Admins' commands beside a running server; backups.
 
 use std::fs;
+use std::ops::ControlFlow;
 use std::process::Command;
 
 use relight_metrics::psnr;
 use relight_scene::{Scene, Split, Splits};
-use relight_train::baselines::{NearestLight, mean_frame};
+use relight_train::baselines::{NearestLight, mean_image};
 use serde_json::Value;
 
 use crate::board::{Board, Server};
@@ -169,7 +170,7 @@ fn baselines_are_entered_scored_and_pinned() {
         let scene = Scene::open(&board.path("scenes").join(scene)).unwrap();
         let splits = Splits::peek(&scene).unwrap();
         let (train, easy) = (splits.get(Split::Train), splits.get(Split::Easy));
-        let mean = mean_frame(&scene, train).unwrap().unwrap();
+        let mean = mean_image(&scene, train, &|_, _| ControlFlow::Continue(())).unwrap().unwrap();
         let nearest = NearestLight::new(&scene, train);
         for &frame in easy {
             let truth = scene.read_frame(frame).unwrap();

@@ -8,6 +8,7 @@ use anyhow::{anyhow, ensure};
 use relight_bench::{Job, JobList, Made, Record, score};
 use relight_field::parameters::Parameters;
 use relight_scene::PixelStore;
+use relight_train::baselines::mean_image;
 use relight_train::run::{RunConfig, RunFolder, splits_fingerprint};
 use relight_train::trainer::{Ending, Event, Trainer};
 
@@ -153,10 +154,14 @@ fn attempt(
 
     let engine = engines::of_run(&run, &config)?;
     let folder = run.root();
+    let mean = mean_image(&data.scene, &data.splits.train, &|done, all| {
+        tell(TRAINING, &|| format!("mean of {done} of {all} images"));
+        unless(cancel)
+    })?;
     let scored = score(
         &data.scene,
         &data.splits,
-        &data.pixels,
+        mean.as_ref(),
         &config,
         engine.as_ref(),
         folder,

@@ -12,7 +12,7 @@ use relight_server::benchmark::Benchmark;
 use relight_server::method::{Method, Phase, Visibility};
 use relight_server::store::StoreError;
 use relight_server::upload::{Upload, receive_file};
-use relight_train::baselines::{NearestLight, mean_frame};
+use relight_train::baselines::{NearestLight, mean_image};
 use tempfile::NamedTempFile;
 
 use crate::console::{Progress, cancel_flag, print_line, unless};
@@ -75,7 +75,7 @@ fn draw(benchmark: &Benchmark, zips: &[NamedTempFile; 2], quiet: bool) -> anyhow
         let scene = Scene::open(if one.is_dir() { &one } else { &benchmark.folder })?;
         let splits = Splits::peek(&scene)?;
         let train = splits.get(Split::Train);
-        let mean_image = mean_frame(&scene, train)?
+        let mean_picture = mean_image(&scene, train, &|_, _| unless(cancel))?
             .with_context(|| format!("{}: has no training images of one size", asked.name))?
             .png()?;
         let stand_ins = NearestLight::new(&scene, train);
@@ -88,7 +88,7 @@ fn draw(benchmark: &Benchmark, zips: &[NamedTempFile; 2], quiet: bool) -> anyhow
             let frame = frame.with_context(|| format!("{}: is not in the scene", image.entry))?;
             let stand_in =
                 stand_ins.image(frame)?.with_context(|| format!("{}: has no training images", asked.name))?;
-            stored_zip::add(&mut mean, &image.entry, &mean_image)?;
+            stored_zip::add(&mut mean, &image.entry, &mean_picture)?;
             stored_zip::add(&mut nearest, &image.entry, &stand_in.png()?)?;
         }
     }
