@@ -20,6 +20,9 @@ use crate::engines::{self, Device};
 /// Share of the pixels whose depth stereo must know before its surfaces decide the box.
 const TRUSTED: f64 = 0.1;
 
+/// Warnings told of a scene that is trained on; a check tells all.
+const WARNINGS: usize = 5;
+
 /// What somebody wants of a training.
 pub struct Wish {
     pub model: String,
@@ -150,9 +153,17 @@ pub fn open_scene(elsewhere: Option<&Path>, run: &RunFolder, config: &RunConfig)
     }
 }
 
-/// Opens the scene at `path` to be trained on, and finds its splits.
+/// Opens the scene at `path` to be trained on, tells what may be wrong with it, and finds its splits.
 pub fn open(path: &Path) -> anyhow::Result<(Scene, Splits)> {
-    let scene = Scene::open(path)?;
+    let (scene, warnings) = Scene::open_with_warnings(path)?;
+    for warning in warnings.iter().take(WARNINGS) {
+        tracing::warn!("{warning}");
+    }
+    let more = warnings.len().saturating_sub(WARNINGS);
+    if more > 0 {
+        let path = path.display();
+        tracing::warn!("{path}: further warnings: {more}; relight scene check {path} tells all");
+    }
     ensure!(
         path.canonicalize().map_or(true, |whole| whole.to_str().is_some()),
         "{}: the path is not UTF-8, so that no run could tell which scene it is of: rename the folder",

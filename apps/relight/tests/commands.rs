@@ -219,6 +219,27 @@ fn scenes_are_described_checked_and_shown() {
 }
 
 #[test]
+fn what_may_be_wrong_with_a_scene_is_told_by_its_check_and_its_training_alone() {
+    let shop = Workshop::new();
+    for file in ["image.png", "pose.txt"] {
+        fs::remove_file(shop.path(&format!("scene/lset001/data/00003_{file}"))).unwrap();
+    }
+    // It may name the frame that is missing.
+    fs::remove_file(shop.path("scene/splits.json")).unwrap();
+    let tells = |arguments: &str| {
+        let output = shop.run(arguments);
+        assert!(output.status.success(), "{arguments}");
+        let said = [output.stdout, output.stderr].concat();
+        String::from_utf8(said).unwrap().contains("the scene's view 3 is missing here")
+    };
+    assert!(tells("scene check scene"));
+    assert!(tells("train scene --out run --recipe recipe.toml --steps 1"));
+    for quiet in ["scene info scene", "eval run", "render run --camera 0 --light 0 --out a.png"] {
+        assert!(!tells(quiet), "{quiet}");
+    }
+}
+
+#[test]
 fn the_help_teaches() {
     let shop = Workshop::new();
     // Each command's is looked at beside the commands themselves.

@@ -3,15 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use crate::camera::Camera;
-use crate::error::{FaultKind, SceneError, Severity};
+use crate::error::{Fault, FaultKind, SceneError, Severity};
 use crate::formats;
 use crate::frame::Frame;
 use crate::image_file::{Image, read_sized};
 use crate::light::Light;
 use crate::splits::Splits;
-
-/// Warnings logged when a scene is opened; a check lists all.
-const WARNINGS: usize = 5;
 
 /// How a scene lies on disk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -43,24 +40,27 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Reads a scene's cameras, lights and list of images; no image is decoded. Warnings are logged.
+    /// Reads a scene's cameras, lights and list of images; no image is decoded.
     ///
     /// # Errors
     /// The first fault that makes the scene unusable. [`check`](fn@crate::check) lists all.
     pub fn open(path: &Path) -> Result<Scene, SceneError> {
+        Ok(Scene::open_with_warnings(path)?.0)
+    }
+
+    /// As [`open`](Scene::open), with what may be wrong about it.
+    ///
+    /// # Errors
+    /// As [`open`](Scene::open).
+    pub fn open_with_warnings(path: &Path) -> Result<(Scene, Vec<Fault>), SceneError> {
         let (scene, faults) = formats::read(path);
         if let Some(fault) = faults.first_error() {
             return Err(SceneError::Fault(fault.clone()));
         }
-        let warnings = faults.0.iter().filter(|fault| fault.severity == Severity::Warning);
-        for warning in warnings.clone().take(WARNINGS) {
-            tracing::warn!("{warning}");
-        }
-        let more = warnings.count().saturating_sub(WARNINGS);
-        if more > 0 {
-            tracing::warn!("{}: and {more} more warnings: check the scene to see them all", path.display());
-        }
-        scene.ok_or_else(|| SceneError::fault(FaultKind::Missing, path, "holds no scene", "Check the path."))
+        let warnings = faults.0.into_iter().filter(|fault| fault.severity == Severity::Warning).collect();
+        scene
+            .map(|scene| (scene, warnings))
+            .ok_or_else(|| SceneError::fault(FaultKind::Missing, path, "holds no scene", "Check the path."))
     }
 
     /// The index of the frame that shows a camera's view under a light, both given by index.

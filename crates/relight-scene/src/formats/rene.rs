@@ -281,8 +281,10 @@ fn check_frames(folders: &[LightFolder], cameras: &BTreeMap<usize, (&Path, Pose)
             |camera: &&usize| !folder.images.contains_key(camera) && !folder.poses.contains_key(camera);
         let missing: Vec<usize> = cameras.keys().filter(absent).copied().collect();
         if let (Some(&first), Some(&last)) = (missing.first(), missing.last()) {
-            let problem =
-                format!("{} of the scene's views are missing here, {first} to {last}", missing.len());
+            let problem = match missing.len() {
+                1 => format!("the scene's view {first} is missing here"),
+                several => format!("{several} of the scene's views are missing here, {first} to {last}"),
+            };
             let mend = "Fetch them again; without them these frames are left out.";
             faults.warning(FaultKind::Missing, &folder.path.join("data"), problem, mend);
         }

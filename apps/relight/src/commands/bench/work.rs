@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 use anyhow::{anyhow, ensure};
 use relight_bench::{Job, JobList, Made, Record, score};
 use relight_field::parameters::Parameters;
-use relight_scene::PixelStore;
+use relight_scene::{PixelStore, Scene, Splits};
 use relight_train::baselines::mean_image;
 use relight_train::run::{RunConfig, RunFolder, splits_fingerprint};
 use relight_train::trainer::{Ending, Event, Trainer};
@@ -90,7 +90,9 @@ pub fn finished(list: &JobList, job: &Job, out: &Path) -> anyhow::Result<Option<
     list.settings
         .check(job, &record.config)
         .map_err(|problem| anyhow!("{}: {problem}; {mend}", folder.display()))?;
-    if let Ok((scene, splits)) = open(&job.scene) {
+    if let Ok(scene) = Scene::open(&job.scene)
+        && let Ok(splits) = Splits::peek(&scene)
+    {
         ensure!(
             splits_fingerprint(&scene, &splits) == record.config.splits,
             "{}: the scene has changed since this run was trained; {mend}",
