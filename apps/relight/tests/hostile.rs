@@ -38,6 +38,8 @@ fn bad_arguments_end_with_status_2() {
         "render run --path orbit --out film.avi",
         "render run --camera 0 --light 0 --out a.jpg",
         "render run --camera 0 --light 1,2 --out a.png",
+        "render run --camera 0 --light 1e300,0,0 --out a.png",
+        "render run --camera 0 --light 0 --out a.png --samples 1",
         "render run --camera 0 --light 0 --size 16384x16384 --out a.png",
         "paint",
     ] {

@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use relight_scene::read_text;
+use relight_scene::{Pose, read_text};
 use serde::Deserialize;
 
 use crate::error::RenderError;
 use crate::paths::Shot;
-use crate::placement::{light_at, pose_of};
+use crate::placement::{checked, pose_of};
 
 /// The format and version that this program reads.
 const FORMAT: &str = "relight-path";
@@ -65,7 +65,7 @@ pub(crate) fn read(path: &Path, focus: [f64; 3]) -> Result<Vec<Shot>, RenderErro
         };
         let camera = pose_of(&keyframe.camera).map_err(|problem| fault("camera", problem))?;
         let light = match *keyframe.light.as_slice() {
-            [x, y, z] => light_at([x, y, z], focus).ok_or_else(|| "the position is not finite".to_owned()),
+            [x, y, z] => checked([x, y, z]).map(|position| Pose::look_at(position, focus)),
             ref numbers => pose_of(numbers),
         };
         Ok(Shot { camera, light: light.map_err(|problem| fault("light", problem))? })

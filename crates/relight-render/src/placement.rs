@@ -54,7 +54,7 @@ impl FromStr for LightName {
             return Ok(LightName::Label(label));
         }
         match numbers(name).as_deref() {
-            Some(&[x, y, z]) if [x, y, z].iter().all(|c| c.is_finite()) => Ok(LightName::Position([x, y, z])),
+            Some(&[x, y, z]) => checked([x, y, z]).map(LightName::Position).map_err(RenderError::Placement),
             Some(numbers) if numbers.len() == 16 => {
                 pose_of(numbers).map(LightName::Pose).map_err(RenderError::Placement)
             }
@@ -67,7 +67,8 @@ impl FromStr for LightName {
 }
 
 impl LightName {
-    /// The light's pose. A light given by its position alone looks at the focus along +Z, as ReNe's lights do.
+    /// The light's pose. A light given by its position alone looks at the focus along +Z, as ReNe's lights do, +Y as far down as
+    /// it can be.
     ///
     /// # Errors
     /// [`RenderError::Placement`] if none of `lights` has the number.
@@ -84,10 +85,10 @@ impl LightName {
     }
 }
 
-/// The pose of a light at `position` in ReNe's convention: light-to-world, +Z towards the focus, +Y as far down as it
-/// can be. `None` if the position is not finite.
-pub(crate) fn light_at(position: [f64; 3], focus: [f64; 3]) -> Option<Pose> {
-    position.iter().all(|c| c.is_finite()).then(|| Pose::look_at(position, focus))
+/// A position that can be one, or what is wrong with it.
+pub(crate) fn checked(position: [f64; 3]) -> Result<[f64; 3], String> {
+    Pose::check_position(position).map_err(|fault| format!("{fault}. Positions are in metres"))?;
+    Ok(position)
 }
 
 /// The pose of 16 numbers, or what is wrong with them.

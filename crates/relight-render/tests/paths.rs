@@ -186,6 +186,10 @@ fn faulty_path_files_say_what_is_wrong() {
             format!(r#"{{"version": 1, "keyframes": [{{"camera": {good}, "light": [1e999, 0, 0]}}]}}"#),
             "path.json",
         ),
+        (
+            format!(r#"{{"version": 1, "keyframes": [{{"camera": {good}, "light": [1e7, 0, 0]}}]}}"#),
+            "more than 1e6 m from the origin",
+        ),
     ] {
         let (_folder, path) = written(&text);
         let message = from_file(&path, [0.0; 3], 10).unwrap_err().to_string();
@@ -210,7 +214,7 @@ fn cameras_and_lights_have_names() {
     let (_folder, path) = written("1 0 0 0  0 2 0 0  0 0 1 0  0 0 0 1");
     assert!(named_camera(&cameras, path.to_str().unwrap()).unwrap_err().to_string().contains("orthonormal"));
 
-    for name in ["", "x", "1,2", "1,2,nan", "1,2,3,4", "inf,0,0"] {
+    for name in ["", "x", "1,2", "1,2,nan", "1,2,3,4", "inf,0,0", "1e300,0,0"] {
         assert!(matches!(named_light(&lights, [0.0; 3], name), Err(RenderError::Placement(_))), "{name:?}");
     }
 }

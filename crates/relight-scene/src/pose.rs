@@ -33,7 +33,7 @@ pub enum PoseFault {
     #[error("the rotation part mirrors (its determinant is -1)")]
     Mirrored,
     /// The position is absurdly far out.
-    #[error("the position lies more than {FARTHEST:e} m from the origin")]
+    #[error("the position lies more than {FARTHEST:e} m from the origin along an axis")]
     TooFar,
 }
 
@@ -84,7 +84,18 @@ impl Pose {
         if dot(cross(columns[0], columns[1]), columns[2]) < 0.0 {
             return Err(PoseFault::Mirrored);
         }
-        if self.position().iter().any(|v| v.abs() > FARTHEST) { Err(PoseFault::TooFar) } else { Ok(()) }
+        Pose::check_position(self.position())
+    }
+
+    /// Checks that a position can be one in metres.
+    ///
+    /// # Errors
+    /// If a coordinate is not finite or larger than a million.
+    pub fn check_position(position: [f64; 3]) -> Result<(), PoseFault> {
+        if !position.iter().all(|v| v.is_finite()) {
+            return Err(PoseFault::NotFinite);
+        }
+        if position.iter().any(|v| v.abs() > FARTHEST) { Err(PoseFault::TooFar) } else { Ok(()) }
     }
 
     /// A pose at `position` that looks at `target` along +Z, with +Y as far down (world -Z) as it can be.

@@ -19,7 +19,8 @@ use crate::{engines, places};
 
 /// Render a view under a light, or a film along a path.
 ///
-/// A camera is the number of one of the scene's cameras, or a file with the 16 numbers of its camera-to-world matrix.
+/// A camera is the number of one of the scene's cameras, or a file with the 16 numbers of its camera-to-world matrix; one from a
+/// file gets the lens of the scene's first camera.
 /// A light is the number of one of the scene's lights, its position X,Y,Z in metres, or the 16 numbers of its
 /// light-to-world matrix.
 #[derive(clap::Args)]
@@ -35,7 +36,7 @@ pub struct Args {
     /// Picture (.png, .exr), or film (.mp4, or a folder for PNGs).
     #[arg(long, value_name = "FILE|DIR")]
     out: PathBuf,
-    /// Camera: a number, or a file with a pose. [default for a film: the scene's first]
+    /// Camera: a number, or a file with a pose, seen through the first camera's lens. [default for a film: the scene's first]
     #[arg(long, value_name = "INDEX|FILE", required_unless_present = "path")]
     camera: Option<String>,
     /// Light: a number, a position, or a matrix. [default for a film: the scene's first]
@@ -62,7 +63,7 @@ pub struct Args {
     #[arg(long, default_value = "final")]
     map: Map,
     /// Samples a ray; as in training without it.
-    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=4096))]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(2..=4096))]
     samples: Option<u32>,
     /// Folder of the scene, where it is not where it was.
     #[arg(long)]

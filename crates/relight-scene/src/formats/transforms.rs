@@ -26,8 +26,6 @@ use crate::scene::{Layout, Scene};
 use crate::splits::{Split, Splits};
 
 const LONGEST: u64 = 1 << 26;
-/// Lights farther out than this are no metres.
-const FARTHEST: f64 = 1e6;
 
 /// What a file states. Lenses lie open among the other keys: they are read in passes of their own, since flattening them
 /// in would hold all unknown keys in memory.
@@ -221,7 +219,7 @@ impl Reader {
             }
         };
         let position = match entry.pl_pos.as_deref() {
-            Some(&[x, y, z]) if [x, y, z].iter().all(|v| v.abs() < FARTHEST) => [x, y, z],
+            Some(&[x, y, z]) if Pose::check_position([x, y, z]).is_ok() => [x, y, z],
             Some(_) => {
                 return fault(
                     FaultKind::Malformed,
