@@ -117,7 +117,7 @@ impl Progress {
     }
 }
 
-/// A flag that the first Ctrl-C or SIGTERM sets; another one, [some time](PATIENCE) later, ends the program at once. The end
+/// A flag that the first Ctrl-C or SIGTERM sets; one a second later ends the program at once. The end
 /// of the terminal is left alone, so that `nohup` means what it says.
 pub fn cancel_flag() -> anyhow::Result<&'static AtomicBool> {
     static FLAG: AtomicBool = AtomicBool::new(false);
@@ -142,6 +142,11 @@ pub fn cancel_flag() -> anyhow::Result<&'static AtomicBool> {
 /// Goes on unless the flag is set.
 pub fn unless(cancel: &AtomicBool) -> ControlFlow<()> {
     if cancel.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+}
+
+/// A number of things, by the name of one.
+pub fn counted(number: usize, one: &str) -> String {
+    if number == 1 { format!("1 {one}") } else { format!("{number} {one}s") }
 }
 
 /// An error with its causes, those left out that the message before them repeats.

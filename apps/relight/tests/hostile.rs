@@ -92,6 +92,7 @@ fn damaged_images_are_refused_by_whatever_reads_them() {
         let check = shop.run("scene check scene");
         assert_eq!(check.status.code(), Some(1));
         assert!(String::from_utf8(check.stdout).unwrap().contains(&image));
+        assert!(String::from_utf8(check.stderr).unwrap().contains(": 1 fault to mend"));
         let refused = |arguments: &str| assert!(shop.fail(arguments, 1).contains(&image), "{arguments}");
         match split {
             "train" => {

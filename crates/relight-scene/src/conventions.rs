@@ -139,7 +139,7 @@ fn check_all_cameras(scene: &Scene, files: &[PathBuf], faults: &mut Faults) -> b
         return true;
     }
     let problem = format!(
-        "the camera poses look {}: only so do the cameras look at a common point",
+        "the camera poses seem to be {}: only so do the cameras look at a common point",
         reading.unlike(right)
     );
     faults.error(FaultKind::Convention, &files[0], problem, &mend);
@@ -181,7 +181,7 @@ fn check_each_camera(scene: &Scene, target: Vector, files: &[PathBuf], faults: &
         if let Some(reading) = meant {
             let problem = format!("{} looks {degrees:.0} degrees away from what all others look at", name());
             let (rule, kind) = (right.rule(), reading.unlike(right));
-            let mend = format!("{rule}; this one looks {kind}: {}.", reading.mend(right));
+            let mend = format!("{rule}; this one seems to be {kind}: {}.", reading.mend(right));
             faults.error(FaultKind::Convention, path, problem, &mend);
         } else {
             let problem = format!("{} looks {degrees:.0} degrees away from what the others look at", name());

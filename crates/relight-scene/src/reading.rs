@@ -53,7 +53,7 @@ impl Reading {
         format!("Camera poses are {} matrices in metres, of {}", self.way(), self.axes())
     }
 
-    /// What matrices look like that must be read so where `right` is meant.
+    /// What matrices seem to be that must be read so where `right` is meant.
     pub(crate) fn unlike(self, right: Reading) -> String {
         match (self.inverted != right.inverted, self.opengl != right.opengl) {
             (true, false) => self.way().to_owned(),

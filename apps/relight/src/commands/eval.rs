@@ -10,7 +10,7 @@ use relight_train::baselines::mean_image;
 use relight_train::evaluation::{Drawn, Evaluation, Scores, evaluate};
 use relight_train::run::RunFolder;
 
-use crate::console::{Progress, cancel_flag, print_json, print_line, unless};
+use crate::console::{Progress, cancel_flag, counted, print_json, print_line, unless};
 use crate::engines;
 use crate::preparation::{check_splits, open_scene};
 
@@ -71,7 +71,7 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         Ok(unless(cancel))
     })?;
     let Some(scores) = result else { bail!("stopped before all images were scored") };
-    bar.finish(&format!("{} images scored", scores.images.len()));
+    bar.finish(&format!("{} scored", counted(scores.images.len(), "image")));
     if args.json { print_json(&scores) } else { print_line(&table(&scores)) }
 }
 
@@ -82,7 +82,7 @@ fn table(scores: &Evaluation) -> String {
         None => format!("{name:<14} does not apply to this scene"),
     };
     [
-        format!("{}, split {}, {} images", scores.scene, scores.split, scores.images.len()),
+        format!("{}, split {}, {}", scores.scene, scores.split, counted(scores.images.len(), "image")),
         format!("{:<14} {:>9}  {}", "", "PSNR", "SSIM"),
         row(&scores.model, Some(scores.mean)),
         row("mean-image", scores.baselines.mean_image),

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::bail;
 use relight_scene::{Scene, SceneInfo, Severity, check, contact_sheet};
 
-use crate::console::{Progress, print_json, print_line};
+use crate::console::{Progress, counted, print_json, print_line};
 use crate::places;
 
 /// Look at a scene: what it holds, what is wrong with it, a sheet of its photographs.
@@ -127,7 +127,8 @@ fn run_check(args: &Check, quiet: bool) -> anyhow::Result<()> {
     }
     if !report.is_usable() {
         let errors = report.count(Severity::Error);
-        bail!("{}: cannot be used as it is: {errors} faults to mend", args.scene.display());
+        let faults = counted(errors, "fault");
+        bail!("{}: cannot be used as it is: {faults} to mend", args.scene.display());
     }
     Ok(())
 }

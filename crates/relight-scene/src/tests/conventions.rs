@@ -43,9 +43,9 @@ fn good_poses_raise_nothing() {
 fn conventions_of_all_cameras_are_recognised() {
     type Change = fn(&Pose) -> Pose;
     let cases: [(Change, &str); 3] = [
-        (Pose::inverse, "look world-to-camera:"),
-        (Pose::flip_camera_axes, "look of OpenGL"),
-        (|pose| pose.flip_camera_axes().inverse(), "look world-to-camera of OpenGL"),
+        (Pose::inverse, "seem to be world-to-camera:"),
+        (Pose::flip_camera_axes, "seem to be of OpenGL"),
+        (|pose| pose.flip_camera_axes().inverse(), "seem to be world-to-camera of OpenGL"),
     ];
     for (change, says) in cases {
         let folder = RIG.write();

@@ -191,9 +191,9 @@ fn faults_name_the_frame() {
 fn conventions_are_those_of_the_file_and_the_mend_mends() {
     type Written = fn(&Pose) -> Pose;
     let cases: [(Written, &str); 3] = [
-        (|pose| *pose, "look of OpenCV's axes"),
-        (|pose| pose.flip_camera_axes().inverse(), "look world-to-camera:"),
-        (Pose::inverse, "look world-to-camera of OpenCV's axes"),
+        (|pose| *pose, "seem to be of OpenCV's axes"),
+        (|pose| pose.flip_camera_axes().inverse(), "seem to be world-to-camera:"),
+        (Pose::inverse, "seem to be world-to-camera of OpenCV's axes"),
     ];
     let of_all = |written: &dyn Fn(&Pose) -> Pose, which: &dyn Fn(usize) -> bool| {
         let (root, mut file) = blender(12);
