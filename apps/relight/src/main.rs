@@ -27,7 +27,7 @@ const MOST_THREADS: i64 = 1024;
 #[command(
     name = "relight",
     version,
-    after_help = "Start here:\n  relight demo                                  make a tiny scene, train on it, score it, relight it\n  \
+    after_help = "Start here:\n  relight demo                                  capture a small scene, train on it, score it, relight it\n  \
                   relight scene check SCENE                     is my folder all right?\n  \
                   relight train SCENE --out RUN --minutes 10    train\n  \
                   relight eval RUN --split easy                 score\n  \

@@ -245,6 +245,10 @@ fn the_help_teaches() {
     // Each command's is looked at beside the commands themselves.
     assert!(shop.succeed("--help").contains("Start here"));
     assert!(shop.succeed("train --help").contains("Examples:\n  relight train SCENE"));
+    for command in ["train", "profile", "bench ablation"] {
+        let help = shop.succeed(&format!("{command} --help"));
+        assert!(help.contains("[possible values: fast, paper]"), "{help}");
+    }
     // Whatever is wrong with a command's arguments, its own usage is told.
     for arguments in
         ["--camera 0 --light 0 --out a.jpg", "--path orbit --out a.avi", "--camera 0 --out a.png"]

@@ -30,6 +30,7 @@ fn bad_arguments_end_with_status_2() {
         "--threads 0 compare a b",
         "--threads 100000 compare a b",
         "eval run --split best",
+        "eval run --split train",
         "render run --out a.png",
         "render run --camera 0 --light 0 --out a.png --size 10",
         "render run --camera 0 --light 0 --out a.png --map normals",

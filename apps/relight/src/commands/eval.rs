@@ -4,6 +4,7 @@ use std::fs;
 use std::path::PathBuf;
 
 use anyhow::bail;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use relight_scene::{Split, Splits};
 use relight_train::TrainError;
 use relight_train::baselines::mean_image;
@@ -28,7 +29,7 @@ pub struct Args {
     /// Folder of a trained run.
     run: PathBuf,
     /// val (held-out images of training cameras), easy (unseen cameras), hard (unseen cameras and lights).
-    #[arg(long, default_value = "val")]
+    #[arg(long, default_value = "val", value_parser = splits())]
     split: Split,
     /// Folder of the scene, where it is not where it was.
     #[arg(long)]
@@ -39,6 +40,11 @@ pub struct Args {
     /// One JSON object on standard output.
     #[arg(long)]
     json: bool,
+}
+
+/// The splits that may be scored; what was learnt from is none.
+fn splits() -> impl TypedValueParser<Value = Split> {
+    PossibleValuesParser::new(["val", "easy", "hard"]).try_map(|name| name.parse::<Split>())
 }
 
 pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {

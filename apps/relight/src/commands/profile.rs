@@ -13,7 +13,7 @@ use relight_train::recipe::Preset;
 use relight_train::schedule::Budget;
 use serde::Serialize;
 
-use super::train::recipe;
+use super::train::{presets, recipe};
 use crate::console::{Progress, cancel_flag, print_json, print_line, unless};
 use crate::engines::{self, Device};
 use crate::preparation::{Prepared, Wish, open};
@@ -35,7 +35,7 @@ pub struct Args {
     #[arg(long, default_value = "v5", value_parser = VARIANTS.map(|(name, _)| name), ignore_case = true)]
     model: String,
     /// How to train.
-    #[arg(long, default_value = "fast")]
+    #[arg(long, default_value = "fast", value_parser = presets())]
     preset: Preset,
     /// Settings to use instead of the preset's: a TOML file as in config.toml's [recipe].
     #[arg(long, value_name = "FILE.toml")]

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, ensure};
 use clap::ValueEnum;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use relight_field::architecture::VARIANTS;
 use relight_field::parameters::Parameters;
 use relight_scene::{Bounds, Scene, Splits, check_bounds, read_text};
@@ -43,7 +44,7 @@ pub struct Args {
     #[arg(long, value_parser = VARIANTS.map(|(name, _)| name), ignore_case = true)]
     model: Option<String>,
     /// How to train: `fast` is ours, `paper` the published recipe to the letter. [default: fast]
-    #[arg(long)]
+    #[arg(long, value_parser = presets())]
     preset: Option<Preset>,
     /// Settings to use instead of the preset's: a TOML file as in config.toml's [recipe].
     #[arg(long, value_name = "FILE.toml", conflicts_with = "resume")]
@@ -241,6 +242,11 @@ fn check_longer(run: &RunFolder, config: &RunConfig, budget: &Budget) -> anyhow:
         done.seconds / 60.0
     );
     Ok(())
+}
+
+/// The presets, by name.
+pub fn presets() -> impl TypedValueParser<Value = Preset> {
+    PossibleValuesParser::new(Preset::ALL.map(Preset::name)).try_map(|name| name.parse::<Preset>())
 }
 
 /// A positive, finite number.

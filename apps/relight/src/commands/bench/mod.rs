@@ -11,7 +11,7 @@ use std::path::PathBuf;
 
 use relight_train::recipe::Preset;
 
-use crate::commands::train::positive;
+use crate::commands::train::{positive, presets};
 use crate::engines::Device;
 
 /// Train and score whole tables: the paper's ablation, and its benchmark, on any scenes.
@@ -53,7 +53,7 @@ struct Shared {
     #[arg(long, value_name = "N,…", value_delimiter = ',', default_value = "0")]
     seeds: Vec<u32>,
     /// How to train: `fast` is ours, `paper` the published recipe to the letter.
-    #[arg(long, default_value = "fast")]
+    #[arg(long, default_value = "fast", value_parser = presets())]
     preset: Preset,
     /// Settings to use instead of the preset's: a TOML file such as the table `recipe` of a run's config.toml.
     #[arg(long, value_name = "FILE.toml")]
