@@ -17,6 +17,12 @@ pub fn check_file(path: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Checks that a folder can be at `path`: that no file is in its place.
+pub fn check_folder(path: &Path) -> anyhow::Result<()> {
+    ensure!(!path.is_file(), "{}: is a file; name a folder", path.display());
+    Ok(())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

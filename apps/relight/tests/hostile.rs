@@ -276,6 +276,7 @@ fn what_cannot_end_well_is_not_begun() {
         ("train nowhere --out new --recipe none.toml", "none.toml: cannot be read"),
         ("train nowhere --out run --resume --model v3", "run: this run has model v5"),
         ("train nowhere --out run --resume --preset paper", "run: this run has preset fast"),
+        ("eval nowhere --images file", "file: is a file; name a folder"),
         ("render nowhere --camera 0 --light 0 --out none/a.png", "there is no folder none; make it"),
         ("render nowhere --path orbit --out none/a.mp4", "there is no folder none; make it"),
         ("render nowhere --camera 0 --light 0 --out full.png", "full.png: is a folder"),

@@ -6,7 +6,7 @@ use std::num::NonZeroU32;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-use anyhow::{bail, ensure};
+use anyhow::{Context, bail, ensure};
 use relight_bench::report_page::ReportPage;
 use relight_capture::session::{self, Ending as Shot};
 use relight_capture::virtual_rig::VirtualCapture;
@@ -23,6 +23,7 @@ use relight_train::trainer::Ending;
 
 use crate::console::{Progress, cancel_flag, print_line, unless};
 use crate::engines::{self, Device};
+use crate::places;
 use crate::preparation::{Prepared, Wish, open, train};
 
 /// The object, and how it is captured: small enough to shoot and train in two minutes, large enough to see.
@@ -58,7 +59,7 @@ pub struct Args {
 
 pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let out = &args.out;
-    ensure!(!out.is_file(), "{}: is a file; name a folder", out.display());
+    places::check_folder(out)?;
     ensure!(
         fs::read_dir(out).map_or(true, |mut entries| entries.next().is_none()),
         "{}: exists and is not empty; remove it, or choose another folder with --out",
@@ -222,7 +223,7 @@ fn page(told: &Told<'_>) -> anyhow::Result<String> {
         told.train.len(),
         told.training
     ));
-    page.video(&fs::read(told.film)?);
+    page.video(&fs::read(told.film).with_context(|| told.film.display().to_string())?);
 
     page.heading("Scores");
     page.paragraph(
@@ -263,7 +264,7 @@ fn page(told: &Told<'_>) -> anyhow::Result<String> {
     }
 
     page.heading("Training");
-    let lines = fs::read_to_string(told.metrics)?;
+    let lines = fs::read_to_string(told.metrics).with_context(|| told.metrics.display().to_string())?;
     let reports = lines.lines().filter_map(|line| serde_json::from_str::<Report>(line).ok());
     let curve: Vec<(f64, f64)> = reports.filter_map(|r| r.psnr.map(|psnr| (r.seconds, psnr))).collect();
     page.curve("seconds", "validation PSNR, dB", &curve);
@@ -324,10 +325,10 @@ fn overview(scene: &Scene, shown: &[(usize, Image)]) -> anyhow::Result<Image> {
 
 /// Writes a picture beside the page and hands its bytes to the page.
 fn png(told: &Told<'_>, name: &str, image: &Image) -> anyhow::Result<Vec<u8>> {
-    fs::create_dir_all(told.pictures)?;
+    fs::create_dir_all(told.pictures).with_context(|| told.pictures.display().to_string())?;
     let path = told.pictures.join(format!("{name}.png"));
     image.write_png(&path)?;
-    Ok(fs::read(path)?)
+    fs::read(&path).with_context(|| path.display().to_string())
 }
 
 fn table(scores: &[Evaluation]) -> Vec<Vec<String>> {

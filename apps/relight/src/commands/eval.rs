@@ -12,8 +12,8 @@ use relight_train::evaluation::{Drawn, Evaluation, Scores, evaluate};
 use relight_train::run::RunFolder;
 
 use crate::console::{Progress, cancel_flag, counted, print_json, print_line, unless};
-use crate::engines;
 use crate::preparation::{check_splits, open_scene};
+use crate::{engines, places};
 
 /// Score a trained run on images that it has not seen.
 ///
@@ -48,6 +48,9 @@ fn splits() -> impl TypedValueParser<Value = Split> {
 }
 
 pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
+    if let Some(folder) = &args.images {
+        places::check_folder(folder)?;
+    }
     let (run, config) = RunFolder::open(&args.run)?;
     let scene = open_scene(args.scene.as_deref(), &run, &config)?;
     let splits = Splits::of(&scene)?;

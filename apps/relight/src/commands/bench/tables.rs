@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use anyhow::{Context, bail, ensure};
+use anyhow::{Context, bail};
 use relight_bench::{
     Ended, Failure, JobList, Kind, Need, Record, Report, Results, SceneFacts, Settings, available_memory,
     side_by_side,
@@ -16,8 +16,8 @@ use super::display::{Display, duration};
 use super::work::{Scenes, finished, run_job};
 use crate::commands::train::recipe;
 use crate::console::{cancel_flag, print_line, told_once};
-use crate::engines;
 use crate::preparation::open;
+use crate::{engines, places};
 
 /// What was found out about a scene before any work.
 struct Seen {
@@ -29,7 +29,7 @@ struct Seen {
 pub fn make(kind: Kind, args: &Shared, models: &[String], quiet: bool) -> anyhow::Result<()> {
     engines::check(args.device)?;
     let out = &args.out;
-    ensure!(!out.is_file(), "{}: is a file; name a folder", out.display());
+    places::check_folder(out)?;
     let models: Vec<String> = models.iter().map(|model| model.to_lowercase()).collect();
     let first = models.first().context("name a model")?;
     let settings = Settings {

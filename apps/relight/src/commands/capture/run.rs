@@ -18,6 +18,7 @@ use serde_json::json;
 use super::{arms, attendant};
 use crate::commands::render::size;
 use crate::console::{Progress, cancel_flag, print_line, unless};
+use crate::places;
 
 /// The rig that needs no file.
 pub const VIRTUAL: &str = "virtual";
@@ -133,7 +134,7 @@ pub struct Job<'a> {
 }
 
 pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
-    ensure!(!args.out.is_file(), "{}: is a file; name a folder", args.out.display());
+    places::check_folder(&args.out)?;
     let job = Job::new(args)?;
     if !args.skip_robots {
         return arms::run(&job, quiet);
