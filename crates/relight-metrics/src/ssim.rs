@@ -1,15 +1,11 @@
 //! Structural similarity (Wang et al. 2004), in the two forms that published tables use.
 
-use std::ops::Range;
-
 use fearless_simd::{Level, dispatch};
 use rayon::prelude::*;
 
 use crate::error::{MetricError, check};
 
-/// `2 (k1 L)^2` and `2 (k2 L)^2` for the data range `L` = 255.
-const TWICE_C1: f32 = 2.0 * (0.01 * 255.0) * (0.01 * 255.0);
-const TWICE_C2: f32 = 2.0 * (0.03 * 255.0) * (0.03 * 255.0);
+mod band;
 
 /// SSIM with an 11x11 Gaussian window of sigma 1.5, mean over pixels and channels: the defaults of torchmetrics'
 /// `StructuralSimilarityIndexMeasure` with data range 1. The window is centred on every pixel and the pictures are
@@ -76,22 +72,6 @@ struct Window<const TAPS: usize> {
     margin: usize,
 }
 
-/// Rows that are filtered together. Sums are over such bands, then over all, so that the score does not depend on threads.
-const BAND: usize = 120;
-/// Pixels of a row that are filtered together: what is kept of the rows round one fits into the nearest cache.
-const STRIP: usize = 48;
-/// Samples of those pixels; few enough for the sum of their bytes to fit into 16 bits.
-const SAMPLES: usize = 3 * STRIP;
-/// With those of the pixels to both sides that the widest window needs.
-const PADDED: usize = SAMPLES + 2 * 3 * 5;
-/// Partial sums of a row, whatever the width of the machine's registers.
-const LANES: usize = 16;
-
-/// Of the two pictures' sum and difference, sample by sample: both, then both squared. With `s = a + b` and `d = a - b`, `s^2 + d^2`
-/// is twice `a^2 + b^2` and `s^2 - d^2` four times `ab`, so these are all that SSIM needs; and where the pictures are alike `d` is
-/// small, so that little is lost where the squares' means cancel.
-type Moments<const N: usize> = [[f32; N]; 4];
-
 /// Two pictures under a window of `2 TAPS - 1` pixels.
 struct Compared<'a, const TAPS: usize> {
     picture: &'a [u8],
@@ -130,9 +110,14 @@ impl<'a, const TAPS: usize> Compared<'a, TAPS> {
         (self.width - 2 * self.window.margin, self.height - 2 * self.window.margin)
     }
 
-    fn bands(&self) -> Vec<Range<usize>> {
-        let rows = self.centres().1;
-        (0..rows).step_by(BAND).map(|first| first..(first + BAND).min(rows)).collect()
+    /// The first rows of the bands in which windows are scored.
+    fn bands(&self) -> Vec<usize> {
+        (0..self.centres().1).step_by(band::ROWS).collect()
+    }
+
+    /// Sums SSIM over a band's windows.
+    fn band_sum(&self, top: usize) -> f64 {
+        dispatch!(self.level, simd => band::sum(simd, self, top))
     }
 
     /// The score, from the sums of all bands.
@@ -141,142 +126,19 @@ impl<'a, const TAPS: usize> Compared<'a, TAPS> {
         bands.iter().sum::<f64>() / (3 * columns * rows) as f64
     }
 
-    /// Sums SSIM over the windows of some rows.
-    fn band_sum(&self, rows: Range<usize>) -> f64 {
-        dispatch!(self.level, _simd => self.band_sum_simd(rows.clone()))
-    }
-
-    /// Plain loops over arrays: the compiler makes the widest instructions of them that the dispatch allows. Products and sums
-    /// are fused by name, so that every machine rounds alike.
+    /// The bytes of the picture's row at the place `i`, counted from the first row of the first window.
     #[inline(always)]
-    fn band_sum_simd(&self, rows: Range<usize>) -> f64 {
-        let side = 2 * Self::RADIUS + 1;
-        let mut ring: Vec<Moments<SAMPLES>> = vec![[[0.0; SAMPLES]; 4]; side];
-        let mut unfiltered: Moments<PADDED> = [[0.0; PADDED]; 4];
-        let mut sum = 0.0;
-        for first in (0..self.centres().0).step_by(STRIP) {
-            let samples = 3 * STRIP.min(self.centres().0 - first);
-            let centre = self.centre(first, samples, rows.clone());
-            let mut lanes = [0.0; LANES];
-            for row in rows.start..rows.end + side - 1 {
-                let y = mirrored(row + self.window.margin, Self::RADIUS, self.height);
-                self.moments(first, y, centre, &mut unfiltered);
-                let filtered = &mut ring[row % side];
-                for (from, to) in unfiltered.iter().zip(filtered) {
-                    self.filter_row(from, to);
-                }
-                if let Some(top) = row.checked_sub(side - 1).filter(|top| *top >= rows.start) {
-                    let under: [&Moments<SAMPLES>; 11] = std::array::from_fn(|k| &ring[(top + k) % side]);
-                    self.add_scores(under, samples, centre as f32, &mut lanes);
-                }
-            }
-            sum += lanes.iter().sum::<f64>();
-        }
-        sum
+    fn row<'b>(&self, picture: &'b [u8], i: usize) -> &'b [u8] {
+        let y = self.mirrored(i, self.height);
+        &picture[3 * y * self.width..3 * (y + 1) * self.width]
     }
 
-    /// About the mean of the pictures' sum over a strip. Variances do not depend on what sums are taken from; from this they lose least.
+    /// The pixel of `n` at the place `i`, counted from the first of the first window. Beyond the last window any will do.
     #[inline(always)]
-    fn centre(&self, first: usize, samples: usize, rows: Range<usize>) -> i32 {
-        let margin = self.window.margin;
-        let mut sum = 0_u64;
-        for y in rows.start + margin..rows.end + margin {
-            let from = 3 * (y * self.width + first + margin);
-            for picture in [self.picture, self.truth] {
-                sum +=
-                    u64::from(picture[from..from + samples].iter().map(|&byte| u16::from(byte)).sum::<u16>());
-            }
-        }
-        (sum / (samples * rows.len()) as u64) as i32
+    fn mirrored(&self, i: usize, n: usize) -> usize {
+        let i = (i + self.window.margin).min(n - 1 + 2 * Self::RADIUS).abs_diff(Self::RADIUS);
+        if i < n { i } else { 2 * (n - 1) - i }
     }
-
-    /// The moments of a strip's pixels of row `y`, and of those to both sides.
-    #[inline(always)]
-    fn moments(&self, first: usize, y: usize, centre: i32, to: &mut Moments<PADDED>) {
-        let pixels = STRIP + 2 * Self::RADIUS;
-        let start = first + self.window.margin;
-        let row = 3 * y * self.width;
-        let mut bytes = [[0_u8; PADDED]; 2];
-        for (picture, bytes) in [self.picture, self.truth].into_iter().zip(&mut bytes) {
-            let row = &picture[row..row + 3 * self.width];
-            if start >= Self::RADIUS && start - Self::RADIUS + pixels <= self.width {
-                let from = 3 * (start - Self::RADIUS);
-                bytes[..3 * pixels].copy_from_slice(&row[from..from + 3 * pixels]);
-            } else {
-                for (p, pixel) in bytes.chunks_exact_mut(3).take(pixels).enumerate() {
-                    // Beyond the last window of a row anything will do.
-                    let last = self.width - 1 + Self::RADIUS;
-                    let x = mirrored((start + p).min(last + Self::RADIUS), Self::RADIUS, self.width);
-                    pixel.copy_from_slice(&row[3 * x..3 * x + 3]);
-                }
-            }
-        }
-        let [a, b] = &bytes;
-        let [sums, differences, sums2, differences2] = to;
-        for i in 0..PADDED {
-            let (a, b) = (i32::from(a[i]), i32::from(b[i]));
-            let (s, d) = ((a + b - centre) as f32, (a - b) as f32);
-            (sums[i], differences[i], sums2[i], differences2[i]) = (s, d, s * s, d * d);
-        }
-    }
-
-    /// Filters along a row.
-    #[inline(always)]
-    fn filter_row(&self, from: &[f32; PADDED], to: &mut [f32; SAMPLES]) {
-        let middle = 3 * Self::RADIUS;
-        for (i, to) in to.iter_mut().enumerate() {
-            let mut sum = self.window.taps[0] * from[i + middle];
-            for k in 1..TAPS {
-                sum = (from[i + middle - 3 * k] + from[i + middle + 3 * k]).mul_add(self.window.taps[k], sum);
-            }
-            *to = sum;
-        }
-    }
-
-    /// Filters along the columns of the rows under a window, and adds up the scores of the first so many samples.
-    #[inline(always)]
-    fn add_scores(
-        &self,
-        under: [&Moments<SAMPLES>; 11],
-        samples: usize,
-        centre: f32,
-        lanes: &mut [f64; LANES],
-    ) {
-        let mut scores = [0.0_f32; SAMPLES];
-        for i in 0..SAMPLES {
-            let mean = |moment: usize| {
-                let mut sum = self.window.taps[0] * under[Self::RADIUS][moment][i];
-                for k in 1..TAPS {
-                    let pair = under[Self::RADIUS - k][moment][i] + under[Self::RADIUS + k][moment][i];
-                    sum = pair.mul_add(self.window.taps[k], sum);
-                }
-                sum
-            };
-            let (s, d) = (mean(0), mean(1));
-            let scale = self.window.covariance_scale;
-            let (variance_s, variance_d) = (scale * (mean(2) - s * s), scale * (mean(3) - d * d));
-            let (s2, d2) = ((s + centre) * (s + centre), d * d);
-            scores[i] = ((s2 - d2 + TWICE_C1) * (variance_s - variance_d + TWICE_C2))
-                / ((s2 + d2 + TWICE_C1) * (variance_s + variance_d + TWICE_C2));
-        }
-        let scores = &scores[..samples.min(SAMPLES)];
-        let chunks = scores.chunks_exact(LANES);
-        let rest = chunks.remainder();
-        for chunk in chunks {
-            for (lane, score) in lanes.iter_mut().zip(chunk) {
-                *lane += f64::from(*score);
-            }
-        }
-        for (lane, score) in lanes.iter_mut().zip(rest) {
-            *lane += f64::from(*score);
-        }
-    }
-}
-
-/// The index `i - offset`, mirrored into `0..n` about the first and the last element.
-fn mirrored(i: usize, offset: usize, n: usize) -> usize {
-    let i = i.abs_diff(offset);
-    if i < n { i } else { 2 * (n - 1) - i }
 }
 
 #[cfg(test)]

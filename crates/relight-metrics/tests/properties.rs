@@ -38,7 +38,7 @@ proptest! {
             prop_assert!(value <= best && value > -1.0);
             for flip in [rows_reversed, columns_reversed] {
                 let flipped = score(&flip(&a, width), &flip(&b, width), width, height).unwrap();
-                prop_assert!((flipped == value) || (flipped - value).abs() < 1e-12);
+                prop_assert!((flipped == value) || (flipped - value).abs() < 1e-6);
             }
         }
     }
@@ -86,8 +86,8 @@ fn plain_ssim(a: &[u8], b: &[u8], (w, h): (usize, usize), window: &[f64], scale:
 fn ssim_is_its_definition_at_any_size_and_contrast() {
     let gauss: Vec<f64> = (-5..=5).map(|d| (-0.5 * (f64::from(d) / 1.5).powi(2)).exp()).collect();
     let gauss: Vec<f64> = gauss.iter().map(|g| g / gauss.iter().sum::<f64>()).collect();
-    // Round the sizes of strips (48) and bands (120).
-    for (w, h) in [(11, 11), (13, 132), (47, 12), (48, 14), (49, 11), (97, 126), (150, 121)] {
+    // Round the sizes of what is scored together: 4 pixels, 32 new ones, 16 rows.
+    for (w, h) in [(11, 11), (13, 132), (31, 16), (32, 17), (49, 15), (97, 33), (150, 121)] {
         let noise = |i: usize, seed: u32| (i as u32).wrapping_mul(2_654_435_761).wrapping_add(seed) >> 16;
         let textures: [&dyn Fn(usize) -> (u8, u8); 5] = [
             &|i| (noise(i, 3) as u8, noise(i, 900_000) as u8),

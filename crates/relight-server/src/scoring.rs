@@ -18,7 +18,7 @@ use crate::parallel::Progress;
 use crate::submission::{Limits, Refusal, Submission, SubmissionError};
 
 /// Names this way of scoring; changes whenever any digit of any score may.
-pub const EVALUATOR: &str = concat!("relight ", env!("CARGO_PKG_VERSION"), ", scores 1");
+pub const EVALUATOR: &str = concat!("relight ", env!("CARGO_PKG_VERSION"), ", scores 2");
 
 /// The scores of a submission, not rounded.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
