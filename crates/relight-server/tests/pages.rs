@@ -41,7 +41,7 @@ async fn leaderboards_that_did_not_change_stay_drawn() {
     fair.scored("3333", private, Phase::Test, Visibility::Private, 30.0).await;
     fair.app.boards.changed();
     assert!(Arc::ptr_eq(&board().await, &before));
-    fair.app.store.set_hidden("0001", true).await.unwrap();
+    fair.app.store.set_hidden("0001", true, "admin").await.unwrap();
     fair.app.boards.changed();
     assert!(!Arc::ptr_eq(&board().await, &before));
 }

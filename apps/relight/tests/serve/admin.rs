@@ -29,6 +29,10 @@ fn admins_change_a_running_server() {
     let answer = server.upload("", &board.token, b"x");
     assert_eq!(answer.status, 403);
     board.admin(&["open", "tiny"]);
+    board.admin(&["grant-admin", "ada"]);
+    assert!(board.admin(&["users"]).ends_with(", admin"));
+    board.admin(&["revoke-admin", "ada"]);
+    assert!(!board.admin(&["users"]).contains(", admin"));
     board.admin(&["block", "ada"]);
     assert_eq!(server.upload("", &board.token, b"x").status, 401);
     board.admin(&["approve", "ada"]);

@@ -1,10 +1,12 @@
 //! The pages: drawn by the server, whole without a script, readable on paper, on a phone and in the dark.
 //!
-//! Modules of two kinds. `shell`, `home`, `board`, `entry`, `guide`, `account` and `history` are pure functions from what is to be
-//! shown to HTML; `browse`, `members` and `submitting` answer requests with them. Whatever is not ours is escaped by `maud`, and the
+//! Modules of two kinds. `shell`, `home`, `board`, `entry`, `guide`, `account`, `history` and `admin` are pure functions from what is to
+//! be shown to HTML; `browse`, `members`, `submitting` and `administering` answer requests with them. Whatever is not ours is escaped by `maud`, and the
 //! content security policy lets nothing in that is not a file of this server.
 
 pub mod account;
+pub mod admin;
+mod administering;
 mod assets;
 pub mod board;
 pub mod boards;
@@ -49,6 +51,12 @@ pub(crate) fn routes() -> Router<AppState> {
         .route("/account/tokens", post(members::new_token))
         .route("/account/tokens/{id}/revoke", post(members::revoke_token))
         .route("/static/{file}", get(browse::asset))
+        .route("/admin", get(administering::benchmarks))
+        .route("/admin/benchmarks/{name}/open", post(administering::set_open))
+        .route("/admin/benchmarks/{name}/quota", post(administering::set_quota))
+        .route("/admin/submissions", get(administering::submissions))
+        .route("/admin/submissions/{id}/hidden", post(administering::set_hidden))
+        .route("/admin/audit", get(administering::audit))
         .route("/api/v1/benchmarks/{name}/leaderboard", get(browse::leaderboard_data))
         .route("/api/v1/benchmarks/{name}/leaderboard.json", get(browse::leaderboard_json))
         .route("/api/v1/benchmarks/{name}/leaderboard.csv", get(browse::leaderboard_csv))

@@ -134,6 +134,7 @@ impl Guest {
     pub fn visitor(&self) -> Visitor {
         Visitor {
             name: self.user.as_ref().map(|user| user.name.clone()),
+            is_admin: self.user.as_ref().is_some_and(|user| user.is_admin),
             form_token: self.cookie.as_deref().map(form_token).unwrap_or_default(),
         }
     }
@@ -176,6 +177,15 @@ impl Guest {
     /// The session's cookie of whoever is signed in.
     pub fn session(&self) -> Option<&str> {
         self.user.as_ref().and(self.cookie.as_deref())
+    }
+
+    /// The admin who is signed in.
+    ///
+    /// # Errors
+    /// 403 for all others.
+    pub fn admin(&self) -> Result<&User, PageError> {
+        let refused = || ApiError::new(StatusCode::FORBIDDEN, "this page is for admins; sign in as one");
+        Ok(self.user.as_ref().filter(|user| user.is_admin).ok_or_else(refused)?)
     }
 
     /// Whoever is signed in; others are sent to sign in and come back to `here`.

@@ -9,6 +9,8 @@ use super::assets;
 pub struct Visitor {
     /// Their name, if they are signed in.
     pub name: Option<String>,
+    /// Whether they see the pages of admins.
+    pub is_admin: bool,
     /// What their forms carry to show that they came from our pages.
     pub form_token: String,
 }
@@ -37,6 +39,7 @@ pub fn page(visitor: Option<&Visitor>, title: &str, main: &Markup) -> Markup {
                     }
                     @if let Some(visitor) = visitor {
                       nav aria-label="Account" {
+                        @if visitor.is_admin { a href="/admin" { "Administration" } }
                         @if let Some(name) = &visitor.name {
                             a href="/account/submissions" { "My submissions" }
                             a.who href="/account" { bdi { (name) } }

@@ -161,7 +161,13 @@ impl Store {
     ///
     /// # Errors
     /// [`StoreError::Missing`], or if the database fails.
-    pub async fn set_quota(&self, name: &str, phase: Phase, quota: Quota) -> Result<(), StoreError> {
+    pub async fn set_quota(
+        &self,
+        name: &str,
+        phase: Phase,
+        quota: Quota,
+        actor: &str,
+    ) -> Result<(), StoreError> {
         let sql = match phase {
             Phase::Val => {
                 "UPDATE benchmarks SET val_per_day = ?, val_total = ?, val_gap_seconds = ? WHERE name = ?"
@@ -183,7 +189,7 @@ impl Store {
         }
         let Quota { per_day, total, gap_seconds } = quota;
         let detail = format!("{phase}: {per_day} a day, {total} in all, {gap_seconds} s apart");
-        audit::note(&mut writing, Time::now(), "admin", "set-quota", name, &detail).await?;
+        audit::note(&mut writing, Time::now(), actor, "set-quota", name, &detail).await?;
         writing.commit().await?;
         Ok(())
     }
@@ -192,7 +198,7 @@ impl Store {
     ///
     /// # Errors
     /// [`StoreError::Missing`], or if the database fails.
-    pub async fn set_open(&self, name: &str, open: bool) -> Result<(), StoreError> {
+    pub async fn set_open(&self, name: &str, open: bool, actor: &str) -> Result<(), StoreError> {
         let mut writing = self.write().await?;
         let changed = sqlx::query("UPDATE benchmarks SET open = ? WHERE name = ?")
             .bind(open)
@@ -203,7 +209,7 @@ impl Store {
             return Err(StoreError::Missing { what: "benchmark", name: name.to_owned() });
         }
         let action = if open { "open-benchmark" } else { "close-benchmark" };
-        audit::note(&mut writing, Time::now(), "admin", action, name, "").await?;
+        audit::note(&mut writing, Time::now(), actor, action, name, "").await?;
         writing.commit().await?;
         Ok(())
     }

@@ -28,7 +28,7 @@ pub use users::{SignUpPolicy, TokenEntry, User, UserStatus};
 use crate::time::Time;
 
 /// The format of the database that this program reads and writes.
-const FORMAT: i64 = 1;
+const FORMAT: i64 = 2;
 /// SQLite's `application_id` of such a database: "RLit".
 const APPLICATION: i64 = 0x524c_6974;
 /// Connections that read.
@@ -138,9 +138,16 @@ impl Store {
         if (application, format, tables) == (0, 0, 0) {
             sqlx::raw_sql(include_str!("schema.sql")).execute(&mut *writing).await?;
             // Pragmas take no parameters; a test holds these two numbers against the constants.
-            sqlx::raw_sql("PRAGMA application_id = 1380739444; PRAGMA user_version = 1;")
+            sqlx::raw_sql("PRAGMA application_id = 1380739444; PRAGMA user_version = 2;")
                 .execute(&mut *writing)
                 .await?;
+        } else if (application, format) == (APPLICATION, 1) {
+            // Format 1 knew no admins among the users.
+            sqlx::raw_sql(
+                "ALTER TABLE users ADD COLUMN is_admin INTEGER NOT NULL DEFAULT 0; PRAGMA user_version = 2;",
+            )
+            .execute(&mut *writing)
+            .await?;
         } else if (application, format) != (APPLICATION, FORMAT) {
             return Err(StoreError::Format { path: self.path.clone(), found: format });
         }

@@ -11,7 +11,8 @@ CREATE TABLE users (
     email TEXT NOT NULL COLLATE NOCASE UNIQUE,
     password TEXT,
     status TEXT NOT NULL CHECK (status IN ('active', 'waiting', 'blocked')),
-    created_at INTEGER NOT NULL
+    created_at INTEGER NOT NULL,
+    is_admin INTEGER NOT NULL DEFAULT 0
 ) STRICT;
 
 CREATE TABLE tokens (

@@ -427,9 +427,9 @@ impl Store {
     ///
     /// # Errors
     /// [`StoreError::Missing`], or if the database fails.
-    pub async fn set_hidden(&self, id: &str, hidden: bool) -> Result<(), StoreError> {
+    pub async fn set_hidden(&self, id: &str, hidden: bool, actor: &str) -> Result<(), StoreError> {
         let action = if hidden { "hide" } else { "show" };
-        self.mark("UPDATE submissions SET hidden = ? WHERE id = ?", id, hidden, action).await
+        self.mark("UPDATE submissions SET hidden = ? WHERE id = ?", id, hidden, action, actor).await
     }
 
     /// Pins a submission, as baselines are, or unpins it.
@@ -438,16 +438,23 @@ impl Store {
     /// [`StoreError::Missing`], or if the database fails.
     pub async fn set_pinned(&self, id: &str, pinned: bool) -> Result<(), StoreError> {
         let action = if pinned { "pin" } else { "unpin" };
-        self.mark("UPDATE submissions SET pinned = ? WHERE id = ?", id, pinned, action).await
+        self.mark("UPDATE submissions SET pinned = ? WHERE id = ?", id, pinned, action, "admin").await
     }
 
-    async fn mark(&self, sql: &'static str, id: &str, value: bool, action: &str) -> Result<(), StoreError> {
+    async fn mark(
+        &self,
+        sql: &'static str,
+        id: &str,
+        value: bool,
+        action: &str,
+        actor: &str,
+    ) -> Result<(), StoreError> {
         let mut writing = self.write().await?;
         let changed = sqlx::query(sql).bind(value).bind(id).execute(&mut *writing).await?;
         if changed.rows_affected() == 0 {
             return Err(StoreError::Missing { what: "submission", name: id.to_owned() });
         }
-        audit::note(&mut writing, Time::now(), "admin", action, id, "").await?;
+        audit::note(&mut writing, Time::now(), actor, action, id, "").await?;
         writing.commit().await?;
         Ok(())
     }

@@ -60,7 +60,7 @@ fn refused() -> Verdict {
 }
 
 async fn quota(store: &Store, per_day: u32, total: u32, gap_seconds: u32) {
-    store.set_quota("b", Phase::Test, Quota { per_day, total, gap_seconds }).await.unwrap();
+    store.set_quota("b", Phase::Test, Quota { per_day, total, gap_seconds }, "admin").await.unwrap();
 }
 
 /// What keeps a submission from being taken, in the words of the error.
@@ -78,7 +78,23 @@ async fn a_database_of_another_format_is_refused_by_name() {
     sqlx::raw_sql("PRAGMA user_version = 7").execute(&store.writer).await.unwrap();
     store.close().await;
     let error = Store::open(&path).await.unwrap_err().to_string();
-    assert!(error.contains("server.db") && error.contains("format 1 (found format 7)"), "{error}");
+    assert!(error.contains("server.db") && error.contains("format 2 (found format 7)"), "{error}");
+}
+
+#[tokio::test]
+async fn a_database_of_the_first_format_is_carried_over() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("server.db");
+    let store = Store::open(&path).await.unwrap();
+    store.add_user("ada", "ada@example.org", None, UserStatus::Active, "admin").await.unwrap();
+    let first = "ALTER TABLE users DROP COLUMN is_admin; PRAGMA user_version = 1;";
+    sqlx::raw_sql(first).execute(&store.writer).await.unwrap();
+    store.close().await;
+    let store = Store::open(&path).await.unwrap();
+    assert!(!store.user("ada").await.unwrap().is_admin);
+    store.set_admin("ada", true).await.unwrap();
+    store.close().await;
+    assert!(Store::open(&path).await.unwrap().user("ada").await.unwrap().is_admin);
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 4)]
@@ -247,10 +263,10 @@ async fn boards_show_what_is_public_and_say_when_they_change() {
         now > std::mem::replace(&mut revision, now)
     };
     assert!(!changed().await);
-    store.set_hidden("a", true).await.unwrap();
+    store.set_hidden("a", true, "admin").await.unwrap();
     assert!(changed().await);
     assert_eq!(board().await, ["b"]);
-    store.set_hidden("a", false).await.unwrap();
+    store.set_hidden("a", false, "admin").await.unwrap();
     store.withdraw("a", Some(user.id), "ada", NOON).await.unwrap();
     store.set_visibility("c", &user, Visibility::Public).await.unwrap();
     assert!(changed().await);
@@ -272,7 +288,7 @@ async fn nobody_touches_what_is_someone_elses() {
     store.set_user_status("eve", UserStatus::Blocked).await.unwrap();
     let error = submit(&store, &eve, "b", NOON).await.unwrap_err();
     assert!(error.contains("blocked"), "{error}");
-    store.set_open("b", false).await.unwrap();
+    store.set_open("b", false, "admin").await.unwrap();
     let error = submit(&store, &ada, "b", NOON).await.unwrap_err();
     assert!(error.contains("takes no submissions"), "{error}");
 }
@@ -281,13 +297,13 @@ async fn nobody_touches_what_is_someone_elses() {
 async fn the_audit_log_tells_what_was_done_and_only_grows() {
     let (_folder, store, user) = store().await;
     submit(&store, &user, "a", NOON).await.unwrap();
-    store.set_hidden("a", true).await.unwrap();
+    store.set_hidden("a", true, "admin").await.unwrap();
     let told: Vec<_> = store.audit(3).await.unwrap();
     let told: Vec<_> =
         told.iter().map(|e| (e.actor.as_str(), e.action.as_str(), e.subject.as_str())).collect();
     assert_eq!(told, [("admin", "hide", "a"), ("ada", "submit", "a"), ("admin", "add-user", "ada")]);
     // What failed left no line.
-    store.set_hidden("none", true).await.unwrap_err();
+    store.set_hidden("none", true, "admin").await.unwrap_err();
     assert_eq!(store.audit(1).await.unwrap()[0].action, "hide");
     for sql in ["DELETE FROM audit", "UPDATE audit SET actor = 'x'"] {
         sqlx::raw_sql(sql).execute(&store.writer).await.unwrap_err();

@@ -44,6 +44,8 @@ pub struct User {
     pub status: UserStatus,
     /// When the account was made.
     pub created_at: Time,
+    /// Whether the user sees the pages of admins.
+    pub is_admin: bool,
 }
 
 /// A token as its owner sees it.
@@ -66,6 +68,7 @@ fn user(row: &SqliteRow) -> Result<User, StoreError> {
         email: row.try_get("email")?,
         status: UserStatus::read(row.try_get("status")?)?,
         created_at: Time(row.try_get("created_at")?),
+        is_admin: row.try_get("is_admin")?,
     })
 }
 
@@ -158,6 +161,26 @@ impl Store {
             return Err(StoreError::Missing { what: "user", name: name.to_owned() });
         }
         audit::note(&mut writing, Time::now(), "admin", "user-status", name, status.as_str()).await?;
+        writing.commit().await?;
+        Ok(())
+    }
+
+    /// Lets a user see and use the pages of admins, or no longer.
+    ///
+    /// # Errors
+    /// [`StoreError::Missing`], or if the database fails.
+    pub async fn set_admin(&self, name: &str, is_admin: bool) -> Result<(), StoreError> {
+        let mut writing = self.write().await?;
+        let changed = sqlx::query("UPDATE users SET is_admin = ? WHERE name = ?")
+            .bind(is_admin)
+            .bind(name)
+            .execute(&mut *writing)
+            .await?;
+        if changed.rows_affected() == 0 {
+            return Err(StoreError::Missing { what: "user", name: name.to_owned() });
+        }
+        let action = if is_admin { "grant-admin" } else { "revoke-admin" };
+        audit::note(&mut writing, Time::now(), "admin", action, name, "").await?;
         writing.commit().await?;
         Ok(())
     }

@@ -87,7 +87,7 @@ impl Fair {
         app.store.add_benchmark("rene", folder.path(), &scenes).await.unwrap();
         for phase in [Phase::Val, Phase::Test] {
             let quota = Quota { per_day: 1000, total: 1000, gap_seconds: 0 };
-            app.store.set_quota("rene", phase, quota).await.unwrap();
+            app.store.set_quota("rene", phase, quota, "admin").await.unwrap();
         }
         let cookie = format!("relight_session={}", accounts::new_session(&app.store, &ada).await.unwrap());
         Fair { folder, app, ada, cookie }

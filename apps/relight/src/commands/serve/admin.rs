@@ -116,6 +116,16 @@ enum Command {
         /// The user.
         user: String,
     },
+    /// Let a user see and use the pages for admins, /admin: benchmarks, quotas, moderation, the audit log.
+    GrantAdmin {
+        /// The user.
+        user: String,
+    },
+    /// Take that from a user.
+    RevokeAdmin {
+        /// The user.
+        user: String,
+    },
     /// Whether people make accounts for themselves: open, approval (an admin must approve each) or closed.
     SignUp {
         /// The policy; shown if left out.
@@ -235,8 +245,8 @@ async fn run_on(command: &Command, folder: &DataFolder, store: &Store, quiet: bo
             Ok(())
         }
         Command::AddBaselines { .. } | Command::Restore { .. } => Ok(()),
-        Command::Open { benchmark } => Ok(store.set_open(benchmark, true).await?),
-        Command::Close { benchmark } => Ok(store.set_open(benchmark, false).await?),
+        Command::Open { benchmark } => Ok(store.set_open(benchmark, true, "admin").await?),
+        Command::Close { benchmark } => Ok(store.set_open(benchmark, false, "admin").await?),
         Command::Quotas { benchmark, phase, per_day, total, gap } => {
             let old = store.benchmark(benchmark).await?.quota(*phase);
             if per_day.or(*total).or(*gap).is_some() {
@@ -245,7 +255,7 @@ async fn run_on(command: &Command, folder: &DataFolder, store: &Store, quiet: bo
                     total: total.unwrap_or(old.total),
                     gap_seconds: gap.unwrap_or(old.gap_seconds),
                 };
-                store.set_quota(benchmark, *phase, quota).await?;
+                store.set_quota(benchmark, *phase, quota, "admin").await?;
             }
             print_line(&benchmark_lines(&store.benchmark(benchmark).await?))
         }
@@ -253,8 +263,12 @@ async fn run_on(command: &Command, folder: &DataFolder, store: &Store, quiet: bo
         Command::Users => {
             for user in store.users().await? {
                 print_line(&format!(
-                    "{:<8} {} <{}>, since {}",
-                    user.status, user.name, user.email, user.created_at
+                    "{:<8} {} <{}>, since {}{}",
+                    user.status,
+                    user.name,
+                    user.email,
+                    user.created_at,
+                    if user.is_admin { ", admin" } else { "" }
                 ))?;
             }
             Ok(())
@@ -272,6 +286,8 @@ async fn run_on(command: &Command, folder: &DataFolder, store: &Store, quiet: bo
         }
         Command::Approve { user } => Ok(store.set_user_status(user, UserStatus::Active).await?),
         Command::Block { user } => Ok(store.set_user_status(user, UserStatus::Blocked).await?),
+        Command::GrantAdmin { user } => Ok(store.set_admin(user, true).await?),
+        Command::RevokeAdmin { user } => Ok(store.set_admin(user, false).await?),
         Command::SignUp { policy } => {
             if let Some(policy) = policy {
                 store.set_sign_up_policy(*policy).await?;
@@ -279,8 +295,8 @@ async fn run_on(command: &Command, folder: &DataFolder, store: &Store, quiet: bo
             print_line(store.sign_up_policy().await?.as_str())
         }
         Command::List { json } => list(&store.submissions(Listing::All).await?, *json),
-        Command::Hide { submission } => Ok(store.set_hidden(submission, true).await?),
-        Command::Show { submission } => Ok(store.set_hidden(submission, false).await?),
+        Command::Hide { submission } => Ok(store.set_hidden(submission, true, "admin").await?),
+        Command::Show { submission } => Ok(store.set_hidden(submission, false, "admin").await?),
         Command::Pin { submission } => Ok(store.set_pinned(submission, true).await?),
         Command::Unpin { submission } => Ok(store.set_pinned(submission, false).await?),
         Command::Withdraw { submission } => {
