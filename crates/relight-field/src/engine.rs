@@ -1,8 +1,8 @@
 //! The seam between those who want pictures and the machines that make them.
 //!
 //! Callers ask for training steps, pictures and field values. Where samples lie along a ray and how kernels run is
-//! the engine's own affair. Every ray ends in an opaque sample where it leaves the field's box, so what lies beyond
-//! the box is painted on its faces and weights along a ray always sum to one.
+//! the engine's own affair. Every ray ends in an opaque sample where it leaves the field's box or just before, so what
+//! lies beyond the box is painted on its faces and weights along a ray always sum to one.
 
 use std::collections::BTreeMap;
 
