@@ -201,10 +201,12 @@ fn the_servers_pages_work() {
     browser.fill("#q", "NIN");
     browser.wait("[...document.querySelectorAll('tr[data-text]')].filter(row => !row.hidden).length === 1");
 
+    board.admin(&["grant-admin", "Grace Hopper"]);
     let mut pages: Vec<String> =
         ["/", "/benchmarks/tiny", "/benchmarks/tiny?split=val&metric=ssim", "/benchmarks/tiny/submit"]
             .into_iter()
             .chain(["/benchmarks/tiny/upload", "/account", "/account/submissions", &mine])
+            .chain(["/admin", "/admin/submissions", "/admin/audit"])
             .map(at)
             .collect();
     pages.extend(ids.iter().map(|id| at(&format!("/submissions/{id}"))));
