@@ -9,6 +9,7 @@ use relight_scene::{Image, read_text, write_whole};
 use serde::{Deserialize, Serialize};
 
 use crate::error::RenderError;
+use crate::paths::MOST_FRAMES;
 
 /// The file beside the frames, its format and version, and its longest length, bytes.
 const LIST: &str = "film.json";
@@ -120,5 +121,12 @@ fn earlier_frames(folder: &Path) -> Result<usize, RenderError> {
         return Err(RenderError::file(&path, problem));
     }
     let list: List = serde_json::from_str(&text).map_err(malformed)?;
+    if list.frames > MOST_FRAMES {
+        let problem = format!(
+            "tells of {} frames, and films have at most {MOST_FRAMES}. It is no film's: name another folder for the frames",
+            list.frames
+        );
+        return Err(RenderError::file(&path, problem));
+    }
     Ok(list.frames)
 }

@@ -144,6 +144,13 @@ fn frames_go_into_a_folder() {
         .unwrap();
     let told = Film::create(&other, RATE, 1).err().unwrap().to_string();
     assert!(told.contains("film.json: format \"relight-film-9\""), "{told}");
+    std::fs::write(
+        other.join("film.json"),
+        "{\"format\":\"relight-film-1\",\"frames\":18446744073709551615,\"frame_rate\":1}",
+    )
+    .unwrap();
+    let told = Film::create(&other, RATE, 1).err().unwrap().to_string();
+    assert!(told.contains("film.json: tells of 18446744073709551615 frames"), "{told}");
     assert_eq!(std::fs::read(other.join("00000.png")).unwrap(), b"a photograph");
 }
 
