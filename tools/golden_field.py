@@ -27,6 +27,7 @@ GRID = {"levels": 3, "features": 2, "log2_table": 7, "base": 2, "finest": 9}
 BOUNDS = [[-0.5, -0.4, 0.0], [0.75, 0.6, 0.8]]
 DENSITY_SCALE = 3.0
 DEPTH_WEIGHT, DEPTH_MARGIN, DISTORTION_WEIGHT = 0.25, 0.125, 0.5
+NEGLIGIBLE = 1e-3
 
 # Light input, skip, where e enters, visibility.
 MODELS = {
@@ -192,9 +193,13 @@ def losses(field, shading, batch):
                 c, o = field.decode(h, e, direction.expand(len(t), 3), lights[light].expand(len(t), 12), x)
                 colours.append((w[:, None] * o * c).sum(0))
             else:
-                mean = [(w[:, None] * v).sum(0) for v in (h, e, x)]
-                c, o = field.decode(mean[0], mean[1], direction, lights[light], mean[2].detach())
-                colours.append(o * c)
+                inside, beyond = w[:-1].sum(), w[-1]
+                mean = [(w[:-1, None] * v[:-1]).sum(0) / inside for v in (h, e, x)]
+                parts = [(inside, mean[0], mean[1], mean[2].detach()), (beyond, h[-1], e[-1], x[-1])]
+                if min(inside, beyond) <= NEGLIGIBLE:
+                    parts = [(torch.tensor(1.0), *parts[int(inside <= NEGLIGIBLE)][1:])]
+                decoded = [(share, field.decode(*p[:2], direction, lights[light], p[2])) for share, *p in parts]
+                colours.append(sum(share * o * c for share, (c, o) in decoded))
         if batch["depths"][r] is not None:
             u = (t - batch["depths"][r]) / DEPTH_MARGIN
             penalty = penalty + (w * u**2 / (1 + u**2)).sum() / rays

@@ -5,13 +5,15 @@ use relight_field::architecture::LightInput;
 use relight_field::engine::{EngineError, FieldValues, Outputs, Points, Rays, Samples};
 use relight_field::sampling::{Sampling, Shading};
 
+use crate::deferred::NEGLIGIBLE;
 use crate::dense::padded;
 use crate::front_to_back::FrontToBack;
 use crate::hash_grid::{TiledPositions, set_position};
 use crate::march::along;
+use crate::networks::Networks;
 use crate::pool::Pool;
 use crate::samples::{Jitter, Marcher, SampleBatch};
-use crate::shade::{CodedLight, Point};
+use crate::shade::{CodedLight, Point, Shader};
 use crate::tile::Workspace;
 
 /// Rays that are marched and encoded together.
@@ -76,7 +78,8 @@ fn tile_rays(sampling: Sampling) -> usize {
     (TILE_COLUMNS / sampling.samples()).max(1)
 }
 
-/// Looks along the rays, then decodes one colour for each.
+/// Looks along the rays, then decodes a colour for what each meets inside the box, and one for the box's face where that
+/// shows.
 fn draw_deferred(
     marcher: &Marcher<'_>,
     memory: &mut DrawMemory,
@@ -88,31 +91,37 @@ fn draw_deferred(
     let n = rays.origins.len();
     samples.place(marcher, rays, sampling, tile_rays(sampling), Jitter(None));
     seen.look(marcher, rays, samples);
-    let mut results =
-        Samples { depth: seen.depths.clone(), opacity: seen.opacity.clone(), ..Samples::default() };
+    let face_distance = |ray| samples.t[samples.column_of(ray, samples.samples - 1)];
+    let at = |ray: usize, t| along(rays.origins[ray], rays.directions[ray], t);
+    let mut results = empty(marcher.networks, n, outputs);
+    results.depth.extend((0..n).map(|ray| seen.depths[ray] + seen.beyond(ray) * face_distance(ray)));
+    results.opacity.extend(&seen.opacity);
+    // Rays, and for points on the box's face its number.
+    let inside = (0..n).filter(|&ray| seen.opacity[ray] > NEGLIGIBLE).map(|ray| (ray, None));
+    let faces = seen.faces.iter().enumerate().map(|(face, &ray)| (ray, Some(face)));
+    let sites: Vec<(usize, Option<usize>)> = inside.chain(faces).collect();
     marcher.workspaces.with(Workspace::default, |Workspace { shader, .. }| {
-        for first in (0..n).step_by(TILE_COLUMNS) {
-            let here = first..(first + TILE_COLUMNS).min(n);
+        for sites in sites.chunks(TILE_COLUMNS) {
             shader.points.clear();
-            shader.points.extend(here.clone().map(|ray| Point {
-                ray,
-                position: along(rays.origins[ray], rays.directions[ray], seen.depths[ray]),
-                weight: 1.0,
+            shader.points.extend(sites.iter().map(|&(ray, face)| {
+                let (opacity, beyond) = (seen.opacity[ray], seen.beyond(ray));
+                let (depth, weight, other) = match face {
+                    None => (seen.depths[ray] / opacity, opacity, beyond),
+                    Some(_) => (face_distance(ray), beyond, opacity),
+                };
+                let weight = if other > NEGLIGIBLE { weight } else { 1.0 };
+                Point { ray, position: at(ray, depth), weight }
             }));
             shader.features.clear();
-            shader.features.extend(seen.features.chunks_exact(n).flat_map(|row| &row[here.clone()]));
+            let features = marcher.networks.point_features();
+            for (feature, row) in seen.features.chunks_exact(n).enumerate() {
+                shader.features.extend(sites.iter().map(|&(ray, face)| match face {
+                    None => row[ray] / seen.opacity[ray],
+                    Some(face) => seen.face_features[face * features + feature],
+                }));
+            }
             shader.forward(marcher.simd, marcher.networks, &rays.directions, 1, |_, _| light);
-            let (columns, visibility) = (shader.columns(), &shader.visibility[..here.len()]);
-            let reflectance =
-                |i: usize| -> [f32; 3] { std::array::from_fn(|c| shader.colour[c * columns + i]) };
-            let colour = |(i, &o): (usize, &f32)| reflectance(i).map(|c| o * c);
-            results.colour.extend(visibility.iter().enumerate().map(colour));
-            if outputs.visibility && marcher.networks.vis.is_some() {
-                results.visibility.extend(visibility);
-            }
-            if outputs.reflectance {
-                results.reflectance.extend((0..here.len()).map(reflectance));
-            }
+            add_up(shader, 0, &mut results);
         }
     });
     results
@@ -128,38 +137,47 @@ fn draw_per_sample(
 ) -> Samples {
     let DrawMemory { rays, samples: batch, .. } = memory;
     batch.fill(marcher, rays, sampling, tile_rays(sampling), Jitter(None));
-    let with_visibility = outputs.visibility && marcher.networks.vis.is_some();
-    let mut results = Samples::default();
+    let mut results = empty(marcher.networks, rays.origins.len(), outputs);
     marcher.workspaces.with(Workspace::default, |workspace| {
         for tile in 0..batch.tiles(rays) {
             let here = batch.tile(marcher, rays, tile);
             workspace.forward(marcher.simd, marcher.networks, Shading::PerSample, &here, 1, |_, _| light);
-            results.colour.extend(&workspace.colours);
+            let first = results.depth.len();
             results.depth.extend(&workspace.depths);
-            let n = here.origins.len();
             let last = |r: usize| workspace.weights[(r + 1) * here.samples - 1];
-            results.opacity.extend((0..n).map(|r| 1.0 - last(r)));
-            let shader = &workspace.shader;
-            let columns = shader.columns();
-            if with_visibility {
-                let start = results.visibility.len();
-                results.visibility.resize(start + n, 0.0);
-                for (point, &visibility) in shader.points.iter().zip(&shader.visibility) {
-                    results.visibility[start + point.ray] += point.weight * visibility;
-                }
-            }
-            if outputs.reflectance {
-                let start = results.reflectance.len();
-                results.reflectance.resize(start + n, [0.0; 3]);
-                for (q, point) in shader.points.iter().enumerate() {
-                    for (channel, value) in results.reflectance[start + point.ray].iter_mut().enumerate() {
-                        *value += point.weight * shader.colour[channel * columns + q];
-                    }
-                }
-            }
+            results.opacity.extend((0..here.origins.len()).map(|r| 1.0 - last(r)));
+            add_up(&workspace.shader, first, &mut results);
         }
     });
     results
+}
+
+/// What `n` rays show, to be added up: black so far, and without depths and opacities.
+fn empty(networks: &Networks, n: usize, outputs: Outputs) -> Samples {
+    let visibility = if outputs.visibility && networks.vis.is_some() { n } else { 0 };
+    let reflectance = if outputs.reflectance { n } else { 0 };
+    Samples {
+        colour: vec![[0.0; 3]; n],
+        visibility: vec![0.0; visibility],
+        reflectance: vec![[0.0; 3]; reflectance],
+        ..Samples::default()
+    }
+}
+
+/// Adds the points of a shader to what their rays show, which are numbered from `first` on.
+fn add_up(shader: &Shader, first: usize, results: &mut Samples) {
+    let columns = shader.columns();
+    for (q, point) in shader.points.iter().enumerate() {
+        let (ray, visibility) = (first + point.ray, shader.visibility[q]);
+        let reflectance = [0, 1, 2].map(|c| point.weight * shader.colour[c * columns + q]);
+        results.colour[ray].iter_mut().zip(reflectance).for_each(|(sum, c)| *sum += visibility * c);
+        if let Some(sum) = results.visibility.get_mut(ray) {
+            *sum += point.weight * visibility;
+        }
+        if let Some(sum) = results.reflectance.get_mut(ray) {
+            sum.iter_mut().zip(reflectance).for_each(|(sum, c)| *sum += c);
+        }
+    }
 }
 
 /// The field at points.

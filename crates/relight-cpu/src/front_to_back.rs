@@ -5,6 +5,7 @@
 
 use relight_field::engine::Rays;
 
+use crate::deferred::NEGLIGIBLE;
 use crate::dense::padded;
 use crate::hash_grid::{TiledPositions, set_position};
 use crate::march::along;
@@ -20,13 +21,17 @@ const OPAQUE: f32 = 1e-3;
 /// What a block of rays has met so far; memory that is reused from block to block.
 #[derive(Default)]
 pub struct FrontToBack {
-    /// `[point_features][rays]`: `h` and `e`, averaged under the weights of the samples.
+    /// `[point_features][rays]`: sum of `h` and `e` inside the box, each times the weight of its sample.
     pub features: Vec<f32>,
-    /// `[rays]`: expected depth, metres.
+    /// `[faces][point_features]`: `h` and `e` of the faces that show.
+    pub face_features: Vec<f32>,
+    /// The rays whose face of the box shows, ascending.
+    pub faces: Vec<usize>,
+    /// `[rays]`: sum of the distances of samples inside the box, each times its weight, metres.
     pub depths: Vec<f32>,
     /// `[rays]`: what was seen inside the box, 0..1.
     pub opacity: Vec<f32>,
-    /// `[rays]`: light that passes all samples so far.
+    /// `[rays]`: light that passes all samples inside the box so far.
     transmittance: Vec<f32>,
     /// Rays that are not at their end.
     going: Vec<usize>,
@@ -52,6 +57,8 @@ impl FrontToBack {
             numbers.clear();
             numbers.resize(length, value);
         }
+        self.faces.clear();
+        self.face_features.clear();
         self.going.clear();
         self.going.extend(0..n);
         for first in (0..batch.samples).step_by(TOGETHER) {
@@ -60,6 +67,11 @@ impl FrontToBack {
             self.accumulate(marcher, n, batch, samples);
             self.going.retain(|&ray| self.transmittance[ray] > 0.0);
         }
+    }
+
+    /// What of a ray lies beyond the box, 0..1.
+    pub fn beyond(&self, ray: usize) -> f32 {
+        1.0 - self.opacity[ray]
     }
 
     /// Looks up the features of some samples of all rays that go on.
@@ -109,9 +121,9 @@ impl FrontToBack {
                         let before = self.transmittance[ray];
                         let optical = workspace.density[r * together + s] * batch.lengths[place];
                         let mut after = before * (-optical).exp();
-                        // The last sample stands for all that lies beyond.
                         if sample + 1 == batch.samples {
-                            (after, self.opacity[ray]) = (0.0, 1.0 - before);
+                            // It lies on the box's face and stands for all beyond.
+                            (after, self.opacity[ray]) = (before, 1.0 - before);
                         } else if after <= OPAQUE {
                             after = 0.0;
                         }
@@ -120,9 +132,18 @@ impl FrontToBack {
                         self.transmittance[ray] = after;
                     }
                 }
-                let rows =
-                    encoded.chunks_exact(columns).chain(workspace.embeddings(columns).chunks_exact(columns));
-                for (row, sums) in rows.zip(self.features.chunks_exact_mut(n)) {
+                let rows = || {
+                    encoded.chunks_exact(columns).chain(workspace.embeddings(columns).chunks_exact(columns))
+                };
+                if samples.end == batch.samples {
+                    for (r, &ray) in going.iter().enumerate() {
+                        if self.transmittance[ray] > NEGLIGIBLE {
+                            self.faces.push(ray);
+                            self.face_features.extend(rows().map(|row| row[(r + 1) * together - 1]));
+                        }
+                    }
+                }
+                for (row, sums) in rows().zip(self.features.chunks_exact_mut(n)) {
                     let terms = row.chunks_exact(together).zip(self.weights.chunks_exact(together));
                     for (&ray, (values, weights)) in going.iter().zip(terms) {
                         sums[ray] += values.iter().zip(weights).map(|(v, w)| v * w).sum::<f32>();

@@ -12,6 +12,7 @@
 pub mod adam;
 pub mod aligned;
 pub mod composite;
+pub mod deferred;
 pub mod dense;
 pub mod density_grid;
 mod draw;

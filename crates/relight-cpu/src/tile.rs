@@ -4,10 +4,11 @@
 //! thread.
 
 use fearless_simd::Level;
-use relight_field::architecture::{EMBEDDING, GEO_OUTPUTS};
+use relight_field::architecture::GEO_OUTPUTS;
 use relight_field::sampling::Shading;
 
 use crate::composite;
+use crate::deferred::Deferred;
 use crate::exponential::exponentials;
 use crate::march::along;
 use crate::mlp::Tape;
@@ -75,6 +76,7 @@ pub struct Workspace {
     /// `[rays]`: expected depth, metres.
     pub depths: Vec<f32>,
     weight_gradient: Vec<f32>,
+    deferred: Deferred,
     /// For per-sample shading, the column of each point.
     columns_of_points: Vec<usize>,
 }
@@ -140,7 +142,10 @@ impl Workspace {
         light: impl Fn(usize, usize) -> &'a CodedLight,
     ) {
         match shading {
-            Shading::Deferred => self.average_points(networks, rays),
+            Shading::Deferred => {
+                let rows = feature_rows(networks, rays, &self.geo);
+                self.deferred.points(rays, &self.weights, rows, &mut self.shader);
+            }
             Shading::PerSample => self.select_points(networks, rays),
         }
         self.clock.lap(Stage::Composite, 2 * networks.point_features() * rays.columns);
@@ -160,27 +165,6 @@ impl Workspace {
         self.clock.lap(Stage::Shade, networks.shading_operations(columns, wide).0);
     }
 
-    /// One point a ray, with features averaged under the ray's weights.
-    fn average_points(&mut self, networks: &Networks, rays: &TileRays<'_>) {
-        let (n, k) = (rays.origins.len(), rays.samples);
-        let shader = &mut self.shader;
-        shader.points.clear();
-        shader.points.extend((0..n).map(|ray| Point {
-            ray,
-            position: along(rays.origins[ray], rays.directions[ray], self.depths[ray]),
-            weight: 1.0,
-        }));
-        shader.features.clear();
-        let embeddings = &self.geo.output()[rays.columns..GEO_OUTPUTS * rays.columns];
-        let rows = rays.features[..networks.features * rays.columns]
-            .chunks_exact(rays.columns)
-            .chain(embeddings.chunks_exact(rays.columns));
-        for row in rows {
-            let averages = row.chunks_exact(k).zip(self.weights.chunks_exact(k)).take(n);
-            shader.features.extend(averages.map(|(f, w)| f.iter().zip(w).map(|(f, w)| f * w).sum::<f32>()));
-        }
-    }
-
     /// The samples that weigh something.
     fn select_points(&mut self, networks: &Networks, rays: &TileRays<'_>) {
         let shader = &mut self.shader;
@@ -197,11 +181,7 @@ impl Workspace {
             }
         }
         shader.features.clear();
-        let embeddings = &self.geo.output()[rays.columns..GEO_OUTPUTS * rays.columns];
-        let rows = rays.features[..networks.features * rays.columns]
-            .chunks_exact(rays.columns)
-            .chain(embeddings.chunks_exact(rays.columns));
-        for row in rows {
+        for row in feature_rows(networks, rays, &self.geo) {
             shader.features.extend(self.columns_of_points.iter().map(|&c| row[c]));
         }
     }
@@ -232,40 +212,25 @@ impl Workspace {
         let (geo, d_geo) = self.geo.output_and_gradient();
         d_geo.fill(0.0);
         let (d_logit, d_embedding) = d_geo.split_at_mut(columns);
-        let points = shader.points.len();
-        if points > 0 {
-            let sources = rays.features[..networks.features * columns]
-                .chunks_exact(columns)
-                .chain(geo[columns..].chunks_exact(columns));
-            let targets = feature_gradient
-                .chunks_exact_mut(columns)
-                .take(networks.features)
-                .chain(d_embedding.chunks_exact_mut(columns));
-            let rows = sources.zip(targets).zip(shader.feature_gradients.chunks_exact(points));
-            for ((source, target), d_points) in rows.take(networks.features + EMBEDDING) {
-                match shading {
-                    Shading::PerSample => {
-                        for (&column, &d) in self.columns_of_points.iter().zip(d_points) {
-                            target[column] = d;
-                        }
-                    }
-                    Shading::Deferred => {
-                        let spans = source.chunks_exact(k).zip(target.chunks_exact_mut(k));
-                        let weights =
-                            self.weights.chunks_exact(k).zip(self.weight_gradient.chunks_exact_mut(k));
-                        for ((&d, (source, target)), (w, dw)) in d_points.iter().zip(spans).zip(weights) {
-                            for i in 0..k {
-                                target[i] = w[i] * d;
-                                dw[i] += source[i] * d;
-                            }
-                        }
+        let sources = rays.features[..networks.features * columns].chunks_exact(columns);
+        let sources = sources.chain(geo[columns..].chunks_exact(columns));
+        let targets = feature_gradient.chunks_exact_mut(columns).take(networks.features);
+        let targets = targets.chain(d_embedding.chunks_exact_mut(columns));
+        match shading {
+            Shading::PerSample => {
+                let by_point = shader.feature_gradients.chunks_exact(shader.points.len().max(1));
+                for (target, d_points) in targets.zip(by_point) {
+                    for (&column, &d) in self.columns_of_points.iter().zip(d_points) {
+                        target[column] = d;
                     }
                 }
+                for (&column, &d) in self.columns_of_points.iter().zip(&shader.weight_gradients) {
+                    self.weight_gradient[column] = d;
+                }
             }
-        }
-        if shading == Shading::PerSample {
-            for (&column, &d) in self.columns_of_points.iter().zip(&shader.weight_gradients) {
-                self.weight_gradient[column] = d;
+            Shading::Deferred => {
+                let rows = sources.zip(targets);
+                self.deferred.backward(k, &self.weights, shader, rows, &mut self.weight_gradient);
             }
         }
         let (mut penalty, mut spread) = (0.0, 0.0);
@@ -296,4 +261,15 @@ impl Workspace {
         self.clock.lap(Stage::GeometryBackward, operations);
         (penalty, spread)
     }
+}
+
+/// `h` and `e` at the samples of a tile, of which `geo` has the embeddings: rows of `[columns]`.
+fn feature_rows<'a>(
+    networks: &Networks,
+    rays: &TileRays<'a>,
+    geo: &'a Tape,
+) -> impl Iterator<Item = &'a [f32]> {
+    let embeddings = &geo.output()[rays.columns..GEO_OUTPUTS * rays.columns];
+    let encoded = rays.features[..networks.features * rays.columns].chunks_exact(rays.columns);
+    encoded.chain(embeddings.chunks_exact(rays.columns))
 }

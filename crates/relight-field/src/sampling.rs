@@ -39,10 +39,18 @@ impl Sampling {
 pub enum Shading {
     /// At every sample, as published: `C = sum_i w_i o_i c_i`.
     PerSample,
-    /// Once a ray and light, from features averaged under the ray's weights: `h = sum_i w_i h(x_i)`,
-    /// `e = sum_i w_i e(x_i)` and the light's direction at `x = sum_i w_i x_i`. No gradient flows through that `x`.
+    /// Once a ray and light for what is met inside the box, and once for what lies beyond, from features averaged under
+    /// the ray's weights. Inside, over all samples but the last: `h = sum_i w_i h(x_i) / W` with `W = sum_i w_i`,
+    /// likewise `e`, and the light's direction at `x = sum_i w_i x_i / W`, through which no gradient flows. Beyond, at the
+    /// last sample. The one counts `W`, the other `1 - W`; where either is at most [`NEGLIGIBLE`], the other is all.
+    ///
+    /// The mean of the features of two surfaces is those of neither, and where rays pass between them, its colour tells
+    /// nothing of which is right. Behind a hole in a surface such means would let the hole grow.
     Deferred,
 }
+
+/// Share of a ray's colour that deferred shading leaves out.
+pub const NEGLIGIBLE: f64 = 1e-3;
 
 /// Largest `beta2` of Adam: beyond it, moments would still be gathering when engines stop to correct them.
 pub const LARGEST_BETA2: f64 = 0.999;

@@ -112,22 +112,22 @@ fn ours(
 /// Compares both in all that they give. 10 rays of 12 samples, in tiles of `tile_rays`.
 fn compare(
     name: &str,
-    architecture: Architecture,
+    parameters: &Parameters,
     shading: Shading,
     lights: usize,
     simd: Level,
     tile_rays: usize,
 ) {
     let name = format!("{name}, {shading:?}, {lights} lights, {simd:?}");
-    let (parameters, batch) = (field(architecture), batch(10, lights));
-    let parts = Parts::new(&parameters);
+    let batch = batch(10, lights);
+    let parts = Parts::new(parameters);
     let mut samples = SampleBatch::default();
     let sampling = Sampling::Stratified { coarse: 7, fine: 5 };
     samples.fill(&parts.marcher(simd), &batch.rays, sampling, tile_rays, Jitter(Some(Random::new(1, 2))));
 
-    let ours = ours(simd, &parameters, shading, &batch, &samples, &parts);
+    let ours = ours(simd, parameters, shading, &batch, &samples, &parts);
     let plain = plain_samples(&samples, batch.rays.origins.len());
-    let field = Field::<f64>::new(&parameters).unwrap();
+    let field = Field::<f64>::new(parameters).unwrap();
     let oracle = loss_and_gradient(&field, shading, &batch, &plain, &SETTINGS).unwrap();
     for (what, ours, plain) in [
         ("colour", ours.colour, oracle.colour),
@@ -144,7 +144,7 @@ fn compare(
 #[test]
 fn losses_and_gradients_equal_the_oracles() {
     for (name, architecture, shading) in cases() {
-        compare(name, architecture, shading, 3, Level::new(), 4);
+        compare(name, &field(architecture), shading, 3, Level::new(), 4);
     }
 }
 
@@ -152,7 +152,7 @@ fn losses_and_gradients_equal_the_oracles() {
 fn every_instruction_set_gives_the_same() {
     for simd in levels() {
         for shading in SHADINGS {
-            compare("v5", V5, shading, 2, simd, 4);
+            compare("v5", &field(V5), shading, 2, simd, 4);
         }
     }
 }
@@ -161,7 +161,7 @@ fn every_instruction_set_gives_the_same() {
 fn tiles_of_any_size_give_the_same() {
     for (tile_rays, lights) in [(1, 1), (3, 5), (10, 1), (16, 2)] {
         for shading in SHADINGS {
-            compare("v5", V5, shading, lights, Level::new(), tile_rays);
+            compare("v5", &field(V5), shading, lights, Level::new(), tile_rays);
         }
     }
 }
@@ -172,7 +172,18 @@ fn visibility_goes_with_any_light_input() {
     for light in [LightInput::None, LightInput::Pose] {
         let architecture = Architecture { light, visibility: true, ..V0 };
         for shading in SHADINGS {
-            compare(&format!("visibility and {light:?}"), architecture, shading, 3, Level::new(), 4);
+            compare(&format!("visibility and {light:?}"), &field(architecture), shading, 3, Level::new(), 4);
         }
+    }
+}
+
+/// Rays that show the box's face alone, and rays that do not show it.
+#[test]
+fn clear_and_opaque_fields_give_the_same() {
+    for density_scale in [1e-4, 1e3] {
+        let mut parameters = field(V5);
+        parameters.config.density_scale = density_scale;
+        let name = format!("density scale {density_scale}");
+        compare(&name, &parameters, Shading::Deferred, 3, Level::new(), 4);
     }
 }

@@ -8,7 +8,7 @@ use relight_field::architecture::{LightInput, V0, V1, V5};
 use relight_field::engine::*;
 use relight_field::random::Random;
 use relight_field::reference::{Field, ReferenceEngine, loss_and_gradient};
-use relight_field::sampling::{EngineConfig, Sampling, Shading};
+use relight_field::sampling::{EngineConfig, NEGLIGIBLE, Sampling, Shading};
 
 use crate::common::*;
 
@@ -173,16 +173,23 @@ fn all_outputs_approach_the_plain_engines() {
 }
 
 #[test]
-fn reflectance_times_visibility_is_the_colour_of_deferred_rays() {
-    let engine = CpuEngine::new(&field(V5), config(SAMPLING, Shading::Deferred)).unwrap();
+fn reflectance_times_visibility_is_the_colour_of_deferred_rays_that_show_one_point() {
+    let mut parameters = field(V5);
+    // Some rays end inside the box, some beyond.
+    parameters.config.density_scale *= 8.0;
+    let engine = CpuEngine::new(&parameters, config(SAMPLING, Shading::Deferred)).unwrap();
     let outputs = Outputs { visibility: true, reflectance: true };
     // More rays than are marched together.
     let rays = rays(3000);
     let drawn = engine.render(&rays, &lights()[0], outputs, &RenderSettings { samples: Some(4) }).unwrap();
     assert_eq!((drawn.colour.len(), drawn.visibility.len(), drawn.depth.len()), (3000, 3000, 3000));
-    for ((colour, o), c) in drawn.colour.iter().zip(&drawn.visibility).zip(&drawn.reflectance) {
+    let one_point = |opacity: f32| f64::from(opacity.min(1.0 - opacity)) <= NEGLIGIBLE;
+    let maps = drawn.colour.iter().zip(&drawn.visibility).zip(&drawn.reflectance).zip(&drawn.opacity);
+    for (((colour, o), c), _) in maps.filter(|(_, opacity)| one_point(**opacity)) {
         assert!((0..3).all(|k| (colour[k] - o * c[k]).abs() < 1e-6));
     }
+    let at_one = drawn.opacity.iter().filter(|opacity| one_point(**opacity)).count();
+    assert!((100..2900).contains(&at_one), "{at_one}");
     let none = engine.render(&Rays::default(), &lights()[0], outputs, &RenderSettings { samples: None });
     assert!(none.unwrap().colour.is_empty());
 }

@@ -105,7 +105,7 @@ pub fn loss_and_gradient<R: Real>(
             result.distortion += per_ray * loss / edge;
             add_scaled(&mut d_weight, distortion_weight * per_ray / edge, &by_weight);
         }
-        trace_backward(field, shading, &trace, samples, &d_sites, d_weight, &mut result.gradient);
+        trace_backward(field, &trace, samples, &d_sites, d_weight, &mut result.gradient);
 
         let mean: R = weight.iter().zip(&samples.t).map(|(&w, &t)| w * t).sum();
         let variance: R = weight.iter().zip(&samples.t).map(|(&w, &t)| w * (t - mean) * (t - mean)).sum();
@@ -181,33 +181,33 @@ fn shade_backward<R: Real>(
 /// Backward of [`composite::trace`]: from the sites and the samples' weights to densities, to `geo` and to the table.
 fn trace_backward<R: Real>(
     field: &Field<R>,
-    shading: Shading,
     trace: &RayTrace<R>,
     samples: &RaySamples<R>,
     d_sites: &[SiteGradient<R>],
     mut d_weight: Vec<R>,
     gradient: &mut Parameters<R>,
 ) {
-    let n = samples.t.len();
-    let (mut d_h, mut d_e) = (Vec::with_capacity(n), Vec::with_capacity(n));
-    for i in 0..n {
-        match shading {
-            Shading::PerSample => {
-                d_weight[i] += d_sites[i].weight;
-                d_h.push(d_sites[i].h.clone());
-                d_e.push(d_sites[i].e.clone());
+    let (n, parameters) = (samples.t.len(), &field.parameters);
+    let mut d_h = vec![vec![R::ZERO; parameters.config.grid.outputs()]; n];
+    let mut d_e = vec![vec![R::ZERO; EMBEDDING]; n];
+    for (site, d_site) in trace.sites.iter().zip(d_sites) {
+        let samples = site.first..site.first + site.shares.len();
+        let by_share = |i: usize| dot(&d_site.h, &trace.encoded[i].h) + dot(&d_site.e, trace.geometry[i].e());
+        // Shares are weights over their sum.
+        let d_shares: Vec<R> = samples.clone().map(by_share).collect();
+        let mean = dot(&site.shares, &d_shares);
+        for ((i, &share), &d_share) in samples.zip(&site.shares).zip(&d_shares) {
+            add_scaled(&mut d_h[i], share, &d_site.h);
+            add_scaled(&mut d_e[i], share, &d_site.e);
+            if site.shares.len() > 1 {
+                d_weight[i] += (d_share - mean) / site.total;
             }
-            Shading::Deferred => {
-                let mean = &d_sites[0];
-                let w = trace.weights.weight[i];
-                d_weight[i] += dot(&mean.h, &trace.encoded[i].h) + dot(&mean.e, trace.geometry[i].e());
-                d_h.push(mean.h.iter().map(|&d| w * d).collect());
-                d_e.push(mean.e.iter().map(|&d| w * d).collect());
+            if !site.alone {
+                d_weight[i] += d_site.weight;
             }
         }
     }
     let d_sigma = compositing::weights_backward(&trace.weights, &samples.delta, &d_weight);
-    let parameters = &field.parameters;
     let limit = R::from_f64(MAX_GRADIENT_LOGIT);
     for i in 0..n {
         let geometry = &trace.geometry[i];

@@ -1,5 +1,7 @@
 //! Composite: from the samples of a ray to one colour a light.
 
+use std::ops::Range;
+
 use super::Field;
 use super::encode::{self, Encoded};
 use super::march::{Ray, RaySamples};
@@ -9,7 +11,7 @@ use crate::compositing::{self, Weights};
 use crate::encoding::spherical_harmonics;
 use crate::engine::LightPose;
 use crate::real::Real;
-use crate::sampling::Shading;
+use crate::sampling::{NEGLIGIBLE, Shading};
 
 /// All that a ray's lights share.
 pub(super) struct RayTrace<R> {
@@ -27,6 +29,15 @@ pub(super) struct RayTrace<R> {
 
 /// A place where colour is decoded, and its share in the ray's colour.
 pub(super) struct Site<R> {
+    /// Where the samples begin whose features it averages.
+    pub first: usize,
+    /// What each of them counts in it: together one.
+    pub shares: Vec<R>,
+    /// Sum of their weights.
+    pub total: R,
+    /// Whether it is all that the ray shows.
+    pub alone: bool,
+    /// What it counts in the ray: that sum, or one where it is alone.
     pub weight: R,
     pub h: Vec<R>,
     pub e: Vec<R>,
@@ -46,21 +57,34 @@ pub(super) fn trace<R: Real>(
     let geometry: Vec<_> = encoded.iter().map(|x| networks::geometry(field, &x.h)).collect();
     let sigma: Vec<R> = geometry.iter().map(|g| g.sigma).collect();
     let weights = compositing::weights(&sigma, &samples.delta);
-    let every = |i: usize, weight| Site {
-        weight,
-        h: encoded[i].h.clone(),
-        e: geometry[i].e().to_vec(),
-        position: positions[i],
-    };
     let weight = &weights.weight;
+    let site = |samples: Range<usize>, alone: bool| {
+        let total: R = weight[samples.clone()].iter().copied().sum();
+        let shares = match samples.len() {
+            1 => vec![R::ONE],
+            _ => weight[samples.clone()].iter().map(|&w| w / total).collect(),
+        };
+        Site {
+            first: samples.start,
+            h: average(&shares, encoded[samples.clone()].iter().map(|x| &x.h[..])),
+            e: average(&shares, geometry[samples.clone()].iter().map(Geometry::e)),
+            position: std::array::from_fn(|a| {
+                shares.iter().zip(&positions[samples.clone()]).map(|(&share, x)| share * x[a]).sum()
+            }),
+            shares,
+            total,
+            alone,
+            weight: if alone { R::ONE } else { total },
+        }
+    };
+    let last = weight.len() - 1;
+    let inside: R = weight[..last].iter().copied().sum();
+    let negligible = R::from_f64(NEGLIGIBLE);
     let sites = match shading {
-        Shading::PerSample => weight.iter().enumerate().map(|(i, &w)| every(i, w)).collect(),
-        Shading::Deferred => vec![Site {
-            weight: R::ONE,
-            h: average(weight, encoded.iter().map(|x| &x.h[..])),
-            e: average(weight, geometry.iter().map(Geometry::e)),
-            position: std::array::from_fn(|a| weight.iter().zip(&positions).map(|(&w, x)| w * x[a]).sum()),
-        }],
+        Shading::PerSample => (0..=last).map(|i| site(i..i + 1, false)).collect(),
+        Shading::Deferred if weight[last] <= negligible => vec![site(0..last, true)],
+        Shading::Deferred if inside <= negligible => vec![site(last..last + 1, true)],
+        Shading::Deferred => vec![site(0..last, false), site(last..last + 1, false)],
     };
     RayTrace { view: spherical_harmonics::encode(ray.direction), encoded, geometry, weights, sites }
 }

@@ -3,6 +3,7 @@
 use crate::tiny::{batch, config, samples, settings, trained};
 use relight_field::architecture::{LightInput, VARIANTS};
 use relight_field::engine::{RayBatch, StepSettings};
+use relight_field::parameters::FieldConfig;
 use relight_field::random::Random;
 use relight_field::reference::{Field, RaySamples, loss_and_gradient};
 use relight_field::sampling::Shading;
@@ -53,9 +54,13 @@ fn shading_every_sample() {
 #[test]
 fn shading_deferred() {
     for (name, architecture) in VARIANTS {
-        let field = Field::new(&trained(config(architecture), 3)).unwrap();
         let distance = if architecture.light == LightInput::Direction { 1e8 } else { 1.0 };
-        check(name, Shading::Deferred, field, &batch(3, 2, distance), &settings(0.0, 0.0));
+        // Rays that show what is inside the box and its face, and rays that show only the former.
+        for density_scale in [3.0, 100.0] {
+            let config = FieldConfig { density_scale, ..config(architecture) };
+            let field = Field::new(&trained(config, 3)).unwrap();
+            check(name, Shading::Deferred, field, &batch(3, 2, distance), &settings(0.0, 0.0));
+        }
     }
 }
 
