@@ -149,7 +149,7 @@ impl Recipe {
     }
 
     /// Ours: each ray compared under several lights at once, samples where something is, colour decoded once a ray
-    /// and light, and depths from stereo to start the geometry.
+    /// and light (twice where the ray also shows what lies beyond the box), and depths from stereo to start the geometry.
     pub fn fast() -> Self {
         Self {
             rays_per_step: 256,
@@ -170,7 +170,7 @@ impl Recipe {
             shading: Shading::Deferred,
             roulette: 1.5,
             beta2: 0.999,
-            learning_rate: Schedule::Exponential { from: 1e-2, to: 3e-4 },
+            learning_rate: Schedule::Linear { from: 1e-2, to: 1e-4, start: 0.3, end: 1.0 },
             depth_weight: Schedule::Linear { from: 0.1, to: 0.0, start: 0.0, end: 0.25 },
             probe_weight: Schedule::Linear { from: 0.0, to: 0.8, start: 0.15, end: 0.2 },
             grid: None,
