@@ -225,6 +225,8 @@ def make_batch(rng):
     directions = np.concatenate([rng.uniform(-0.3, 0.3, (rays, 2)), -np.ones((rays, 1))], 1)
     t = np.sort(rng.uniform(0.15, 1.1, (rays, 7)), 1)
     t = np.array(exact(t))
+    # Intervals through which a ray shows what is inside and beyond, only the former, and only the latter.
+    delta = np.concatenate([np.diff(t, axis=1), np.zeros((rays, 1))], 1) * [[1.0], [100.0], [1e-5]]
     lights = rng.uniform(-1, 1, (3, 3, 4))
     lights[:, :, 3] = 0.3 * lights[:, :, 3] + [-0.6, 0.5, 0.9]
     return {
@@ -235,7 +237,7 @@ def make_batch(rng):
         "colours": exact(rng.uniform(0, 1, (rays, pairs, 3))),
         "depths": exact([0.5, 0.75]) + [None],
         "t": t.tolist(),
-        "delta": np.concatenate([np.diff(t, axis=1), np.zeros((rays, 1))], 1).tolist(),
+        "delta": delta.tolist(),
     }
 
 

@@ -1,5 +1,6 @@
-//! Deferred shading: a ray's colour is decoded for what it meets inside the box, and once more for the box's face where
-//! that shows ([`Shading::Deferred`](relight_field::sampling::Shading::Deferred)).
+//! Deferred shading: a ray's colour is decoded for what it meets inside the box, and once more for what lies beyond where
+//! that shows ([`Shading::Deferred`](relight_field::sampling::Shading::Deferred)): its last sample, for guided samples the
+//! box's face.
 //!
 //! The two are kept apart since their features have nothing in common. Were they averaged as well, a ray half through a
 //! surface would be decoded from features that are neither's, and its gradient would say nothing of how dense the surface
@@ -14,12 +15,23 @@ use crate::tile::TileRays;
 /// [`sampling::NEGLIGIBLE`] in single precision.
 pub const NEGLIGIBLE: f32 = sampling::NEGLIGIBLE as f32;
 
+/// What counts in a ray's colour of what it meets inside the box, and of what lies beyond, by their weights.
+pub fn shares(inside: f32, beyond: f32) -> (f32, f32) {
+    if inside <= NEGLIGIBLE {
+        (0.0, 1.0)
+    } else if beyond <= NEGLIGIBLE {
+        (1.0, 0.0)
+    } else {
+        (inside, beyond)
+    }
+}
+
 /// Which points the rays of a tile have: each its first, in order, then some a second.
 #[derive(Default)]
 pub struct Deferred {
-    /// `[rays]`: weight of all that is met inside the box, 0..1; 0 where the first point lies on the box's face.
+    /// `[rays]`: weight of all that is met inside the box, 0..1; 0 where the first point is the last sample.
     inside: Vec<f32>,
-    /// The rays whose second point lies there.
+    /// The rays whose second point is that.
     faces: Vec<usize>,
 }
 
@@ -45,18 +57,17 @@ impl Deferred {
         self.faces.clear();
         for ray in 0..n {
             let (w, t) = (&weights[ray * k..last(ray)], &rays.t[ray * k..last(ray)]);
-            let (inside, beyond) = (w.iter().sum::<f32>(), weights[last(ray)]);
-            if inside <= NEGLIGIBLE {
+            let inside: f32 = w.iter().sum();
+            let (inner, outer) = shares(inside, weights[last(ray)]);
+            if inner == 0.0 {
                 self.inside.push(0.0);
-                shader.points.push(point(ray, rays.t[last(ray)], 1.0));
+                shader.points.push(point(ray, rays.t[last(ray)], outer));
                 continue;
             }
-            self.inside.push(inside);
             let depth = w.iter().zip(t).map(|(w, t)| w * t).sum::<f32>() / inside;
-            if beyond <= NEGLIGIBLE {
-                shader.points.push(point(ray, depth, 1.0));
-            } else {
-                shader.points.push(point(ray, depth, inside));
+            self.inside.push(inside);
+            shader.points.push(point(ray, depth, inner));
+            if outer > 0.0 {
                 self.faces.push(ray);
             }
         }
@@ -66,10 +77,10 @@ impl Deferred {
         for row in rows {
             let samples = row.chunks_exact(k).zip(weights.chunks_exact(k));
             shader.features.extend(samples.zip(&self.inside).map(|((f, w), &inside)| {
-                if inside > 0.0 {
-                    f[..k - 1].iter().zip(w).map(|(f, w)| f * w).sum::<f32>() / inside
-                } else {
+                if inside == 0.0 {
                     f[k - 1]
+                } else {
+                    f[..k - 1].iter().zip(w).map(|(f, w)| f * w).sum::<f32>() / inside
                 }
             }));
             shader.features.extend(self.faces.iter().map(|&ray| row[last(ray)]));

@@ -5,7 +5,7 @@ use relight_field::architecture::LightInput;
 use relight_field::engine::{EngineError, FieldValues, Outputs, Points, Rays, Samples};
 use relight_field::sampling::{Sampling, Shading};
 
-use crate::deferred::NEGLIGIBLE;
+use crate::deferred;
 use crate::dense::padded;
 use crate::front_to_back::FrontToBack;
 use crate::hash_grid::{TiledPositions, set_position};
@@ -78,8 +78,8 @@ fn tile_rays(sampling: Sampling) -> usize {
     (TILE_COLUMNS / sampling.samples()).max(1)
 }
 
-/// Looks along the rays, then decodes a colour for what each meets inside the box, and one for the box's face where that
-/// shows.
+/// Looks along the rays, then decodes a colour for what each meets inside the box, and one for its last sample where what
+/// lies beyond shows.
 fn draw_deferred(
     marcher: &Marcher<'_>,
     memory: &mut DrawMemory,
@@ -91,32 +91,31 @@ fn draw_deferred(
     let n = rays.origins.len();
     samples.place(marcher, rays, sampling, tile_rays(sampling), Jitter(None));
     seen.look(marcher, rays, samples);
-    let face_distance = |ray| samples.t[samples.column_of(ray, samples.samples - 1)];
-    let at = |ray: usize, t| along(rays.origins[ray], rays.directions[ray], t);
+    let last = |ray| samples.t[samples.column_of(ray, samples.samples - 1)];
+    let inside = |ray: usize| 1.0 - seen.transmittance[ray];
+    let shares = |ray| deferred::shares(inside(ray), seen.transmittance[ray]);
     let mut results = empty(marcher.networks, n, outputs);
-    results.depth.extend((0..n).map(|ray| seen.depths[ray] + seen.beyond(ray) * face_distance(ray)));
-    results.opacity.extend(&seen.opacity);
-    // Rays, and for points on the box's face its number.
-    let inside = (0..n).filter(|&ray| seen.opacity[ray] > NEGLIGIBLE).map(|ray| (ray, None));
-    let faces = seen.faces.iter().enumerate().map(|(face, &ray)| (ray, Some(face)));
-    let sites: Vec<(usize, Option<usize>)> = inside.chain(faces).collect();
+    results.depth.extend((0..n).map(|ray| seen.depths[ray] + seen.transmittance[ray] * last(ray)));
+    results.opacity.extend((0..n).map(inside));
+    // Rays, and for their last samples the number among those that show.
+    let inner = (0..n).filter(|&ray| shares(ray).0 > 0.0).map(|ray| (ray, None));
+    let outer = seen.faces.iter().enumerate().map(|(face, &ray)| (ray, Some(face)));
+    let sites: Vec<(usize, Option<usize>)> = inner.chain(outer).collect();
     marcher.workspaces.with(Workspace::default, |Workspace { shader, .. }| {
         for sites in sites.chunks(TILE_COLUMNS) {
             shader.points.clear();
             shader.points.extend(sites.iter().map(|&(ray, face)| {
-                let (opacity, beyond) = (seen.opacity[ray], seen.beyond(ray));
-                let (depth, weight, other) = match face {
-                    None => (seen.depths[ray] / opacity, opacity, beyond),
-                    Some(_) => (face_distance(ray), beyond, opacity),
+                let (t, weight) = match face {
+                    None => (seen.depths[ray] / inside(ray), shares(ray).0),
+                    Some(_) => (last(ray), shares(ray).1),
                 };
-                let weight = if other > NEGLIGIBLE { weight } else { 1.0 };
-                Point { ray, position: at(ray, depth), weight }
+                Point { ray, position: along(rays.origins[ray], rays.directions[ray], t), weight }
             }));
             shader.features.clear();
             let features = marcher.networks.point_features();
             for (feature, row) in seen.features.chunks_exact(n).enumerate() {
                 shader.features.extend(sites.iter().map(|&(ray, face)| match face {
-                    None => row[ray] / seen.opacity[ray],
+                    None => row[ray] / inside(ray),
                     Some(face) => seen.face_features[face * features + feature],
                 }));
             }

@@ -1,7 +1,7 @@
 //! Rays looked along from front to back: a few samples at a time, until nothing behind them would show.
 //!
-//! Where colour is decoded once a ray, all that the samples leave behind are sums: features, depth, and how much light
-//! still passes. So a ray that has met a surface needs no more samples (early ray termination, Levoy 1990).
+//! Where shading is deferred, all that the samples leave behind are sums: features, depth, and how much light still
+//! passes; and the features of the last sample, where the ray gets there. So a ray that has met a surface needs no more samples (early ray termination, Levoy 1990).
 
 use relight_field::engine::Rays;
 
@@ -15,24 +15,19 @@ use crate::samples::{Marcher, SampleBatch};
 const TOGETHER: usize = 4;
 /// Rays whose samples make a tile.
 const TILE_RAYS: usize = 48;
-/// Transmittance below which a ray is at its end: the sample that left no more takes all of it.
-const OPAQUE: f32 = 1e-3;
-
 /// What a block of rays has met so far; memory that is reused from block to block.
 #[derive(Default)]
 pub struct FrontToBack {
     /// `[point_features][rays]`: sum of `h` and `e` inside the box, each times the weight of its sample.
     pub features: Vec<f32>,
-    /// `[faces][point_features]`: `h` and `e` of the faces that show.
-    pub face_features: Vec<f32>,
-    /// The rays whose face of the box shows, ascending.
+    /// The rays that get to their last sample, ascending.
     pub faces: Vec<usize>,
+    /// `[faces][point_features]`: `h` and `e` there.
+    pub face_features: Vec<f32>,
     /// `[rays]`: sum of the distances of samples inside the box, each times its weight, metres.
     pub depths: Vec<f32>,
-    /// `[rays]`: what was seen inside the box, 0..1.
-    pub opacity: Vec<f32>,
-    /// `[rays]`: light that passes all samples inside the box so far.
-    transmittance: Vec<f32>,
+    /// `[rays]`: light that passes all samples but the last, so far; none where a ray has met its end.
+    pub transmittance: Vec<f32>,
     /// Rays that are not at their end.
     going: Vec<usize>,
     /// `[tile][3][columns]`: positions of the samples at hand.
@@ -50,7 +45,6 @@ impl FrontToBack {
         let fresh = [
             (&mut self.features, outputs * n, 0.0),
             (&mut self.depths, n, 0.0),
-            (&mut self.opacity, n, 1.0),
             (&mut self.transmittance, n, 1.0),
         ];
         for (numbers, length, value) in fresh {
@@ -67,11 +61,6 @@ impl FrontToBack {
             self.accumulate(marcher, n, batch, samples);
             self.going.retain(|&ray| self.transmittance[ray] > 0.0);
         }
-    }
-
-    /// What of a ray lies beyond the box, 0..1.
-    pub fn beyond(&self, ray: usize) -> f32 {
-        1.0 - self.opacity[ray]
     }
 
     /// Looks up the features of some samples of all rays that go on.
@@ -122,9 +111,10 @@ impl FrontToBack {
                         let optical = workspace.density[r * together + s] * batch.lengths[place];
                         let mut after = before * (-optical).exp();
                         if sample + 1 == batch.samples {
-                            // It lies on the box's face and stands for all beyond.
-                            (after, self.opacity[ray]) = (before, 1.0 - before);
-                        } else if after <= OPAQUE {
+                            // It stands for all that lies beyond.
+                            after = before;
+                        } else if after <= NEGLIGIBLE {
+                            // The ray is at its end, and this sample takes the rest.
                             after = 0.0;
                         }
                         self.weights.push(before - after);
@@ -137,7 +127,7 @@ impl FrontToBack {
                 };
                 if samples.end == batch.samples {
                     for (r, &ray) in going.iter().enumerate() {
-                        if self.transmittance[ray] > NEGLIGIBLE {
+                        if self.transmittance[ray] > 0.0 {
                             self.faces.push(ray);
                             self.face_features.extend(rows().map(|row| row[(r + 1) * together - 1]));
                         }

@@ -2,7 +2,7 @@
 //!
 //! A step goes through the phases of the reference engine under the same names: [`march`] places samples, [`guide`]
 //! where something is, [`hash_grid`] encodes them, [`tile`] runs networks and compositing forward and backward while
-//! they are in cache ([`shade`] being the colour and visibility half, [`probes`] adding lights that nobody photographed,
+//! they are in cache ([`deferred`] telling where colour is decoded, [`shade`] decoding it with visibility, [`probes`] adding lights that nobody photographed,
 //! as far as [`experience`] bears them out), [`roulette`] thins the gradients, [`hash_grid`] and [`adam`] optimise,
 //! [`density_grid`] learns where to march. Threads share out lanes of some tiles each, and a lane goes through all of it up to
 //! the optimisers by itself. Every result is the same for any number of threads. Pictures are

@@ -44,12 +44,13 @@ pub enum Shading {
     /// likewise `e`, and the light's direction at `x = sum_i w_i x_i / W`, through which no gradient flows. Beyond, at the
     /// last sample. The one counts `W`, the other `1 - W`; where either is at most [`NEGLIGIBLE`], the other is all.
     ///
-    /// The mean of the features of two surfaces is those of neither, and where rays pass between them, its colour tells
-    /// nothing of which is right. Behind a hole in a surface such means would let the hole grow.
+    /// Averaging both would give features that belong to neither, whose gradient says nothing true of density: holes in
+    /// surfaces would grow. (So it is still between two surfaces inside the box.) No colour's gradient reaches what is left
+    /// out.
     Deferred,
 }
 
-/// Share of a ray's colour that deferred shading leaves out.
+/// Largest share of a ray's weights, 0..1, that deferred shading leaves out.
 pub const NEGLIGIBLE: f64 = 1e-3;
 
 /// Largest `beta2` of Adam: beyond it, moments would still be gathering when engines stop to correct them.

@@ -47,6 +47,10 @@ impl Frames {
         frame_rate: NonZeroU32,
         frames: usize,
     ) -> Result<Frames, RenderError> {
+        if frames > MOST_FRAMES {
+            let problem = format!("a film of {frames} frames cannot be: at most {MOST_FRAMES}");
+            return Err(RenderError::film(folder, problem));
+        }
         fs::create_dir_all(folder).map_err(RenderError::io(folder))?;
         let earlier = earlier_frames(folder)?;
         let own = earlier.max(frames);
@@ -123,7 +127,7 @@ fn earlier_frames(folder: &Path) -> Result<usize, RenderError> {
     let list: List = serde_json::from_str(&text).map_err(malformed)?;
     if list.frames > MOST_FRAMES {
         let problem = format!(
-            "tells of {} frames, and films have at most {MOST_FRAMES}. It is no film's: name another folder for the frames",
+            "tells of {} frames, and films have at most {MOST_FRAMES}. No film wrote it: name another folder for the frames",
             list.frames
         );
         return Err(RenderError::file(&path, problem));

@@ -12,6 +12,7 @@ use common::{Ball, lens, looking};
 use openh264::decoder::Decoder;
 use openh264::formats::YUVSource;
 use relight_field::engine::{Outputs, RenderSettings};
+use relight_render::paths::MOST_FRAMES;
 use relight_render::{Film, Map, RenderError, render};
 use relight_scene::{Image, read_image};
 use shiguredo_mp4::bitstream::h264::{LengthSize, length_prefixed_to_annexb};
@@ -151,6 +152,8 @@ fn frames_go_into_a_folder() {
     .unwrap();
     let told = Film::create(&other, RATE, 1).err().unwrap().to_string();
     assert!(told.contains("film.json: tells of 18446744073709551615 frames"), "{told}");
+    let told = Film::create(&folder.path().join("long"), RATE, MOST_FRAMES + 1).err().unwrap().to_string();
+    assert!(told.contains("a film of 100001 frames cannot be"), "{told}");
     assert_eq!(std::fs::read(other.join("00000.png")).unwrap(), b"a photograph");
 }
 

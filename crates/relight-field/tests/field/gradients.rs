@@ -55,7 +55,7 @@ fn shading_every_sample() {
 fn shading_deferred() {
     for (name, architecture) in VARIANTS {
         let distance = if architecture.light == LightInput::Direction { 1e8 } else { 1.0 };
-        // Rays that show what is inside the box and its face, and rays that show only the former.
+        // Rays that show what is inside the box and beyond, and rays that show only what is inside.
         for density_scale in [3.0, 100.0] {
             let config = FieldConfig { density_scale, ..config(architecture) };
             let field = Field::new(&trained(config, 3)).unwrap();
