@@ -98,7 +98,7 @@ impl CpuEngine {
         self.lanes = lanes;
     }
 
-    /// Rays a tile, so that neither samples nor pairs are many more than [`TILE_COLUMNS`].
+    /// Rays a tile, so that neither samples nor pairs at first points are many more than [`TILE_COLUMNS`].
     fn tile_rays(&self, pairs: usize) -> usize {
         let samples = self.config.sampling.samples();
         match self.config.shading {
