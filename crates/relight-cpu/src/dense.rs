@@ -30,13 +30,20 @@ pub enum Store<'a> {
     WherePositive(&'a [f32]),
 }
 
-/// What a product is added to.
+/// What a product is added to: rows that its columns go through again and again.
 #[derive(Clone, Copy)]
 pub struct Base<'a> {
-    /// As many rows as the product has.
+    /// As many rows as the product has; see [`repeat_rows`].
     pub data: &'a [f32],
-    /// Numbers a row, a multiple of [`COLUMN_ALIGN`]; the columns of the product go through them again and again.
-    pub columns: usize,
+    /// Numbers of a row before it begins again.
+    pub period: usize,
+}
+
+impl Base<'_> {
+    /// Numbers that a row takes: a vector that begins anywhere in the first period is read in one piece.
+    pub const fn stride(period: usize) -> usize {
+        padded(period) + COLUMN_ALIGN
+    }
 }
 
 /// Some columns of a small row-major matrix.
@@ -60,7 +67,7 @@ pub struct MatrixMut<'a> {
     pub first: usize,
 }
 
-/// `y[m][c] = base[m][c] + sum_k a[k][m] * x[k][c]` for `outputs` rows `m` and `columns` columns `c`; without a base,
+/// `y[m][c] = base[m][c % period] + sum_k a[k][m] * x[k][c]` for `outputs` rows `m` and `columns` columns `c`; without a base,
 /// the sum alone.
 ///
 /// `a` has `inputs` rows and at least `outputs` columns; `x` and `y` have rows of `columns` numbers, a multiple of
@@ -76,7 +83,6 @@ pub fn multiply(
     store: Store<'_>,
 ) {
     debug_assert!(columns.is_multiple_of(COLUMN_ALIGN) && a.first + outputs <= a.stride);
-    debug_assert!(base.is_none_or(|base| base.columns.is_multiple_of(COLUMN_ALIGN)));
     let a = Matrix { data: &a.data[..inputs * a.stride], ..a };
     let (x, y) = (&x[..inputs * columns], &mut y[..outputs * columns]);
     dispatch!(level, simd => multiply_simd(simd, a, x, y, outputs, columns, base, store));
@@ -180,14 +186,14 @@ fn multiply_block<S: Simd, const M: usize, const V: usize>(
         return;
     }
     let zero = S::f32s::splat(simd, 0.0);
-    let turned: [usize; V] = std::array::from_fn(|j| base.map_or(0, |base| (c + j * lanes) % base.columns));
+    let turned: [usize; V] = std::array::from_fn(|j| base.map_or(0, |base| (c + j * lanes) % base.period));
     for i in 0..M {
         for (j, &turned) in turned.iter().enumerate() {
             let at = i * columns + j * lanes;
             let y = &mut y[at..at + lanes];
             let mut value = S::f32s::from_slice(simd, y);
             if let Some(base) = base {
-                let first = (m + i) * base.columns + turned;
+                let first = (m + i) * Base::stride(base.period) + turned;
                 value += S::f32s::from_slice(simd, &base.data[first..first + lanes]);
             }
             let value = match store {
@@ -317,12 +323,24 @@ fn lane_sums<S: Simd>(vectors: &mut [S::f32s], totals: &mut [f32]) {
     }
 }
 
-/// `sums[m][c] = sum_i y[m][i * period + c]`: each row of `columns` numbers, all its parts of `period` added up.
+/// Rows of `period` numbers, read from rows of [`padded`] length, as a [`Base`] has them: each goes on with its beginning.
+pub fn repeat_rows(rows: &[f32], period: usize, base: &mut [f32]) {
+    let sources = rows.chunks_exact(padded(period));
+    for (source, target) in sources.zip(base.chunks_exact_mut(Base::stride(period))) {
+        target[..period].copy_from_slice(&source[..period]);
+        for i in period..target.len() {
+            target[i] = target[i - period];
+        }
+    }
+}
+
+/// `sums[m][c] = sum_i y[m][i * period + c]`: each row of `columns` numbers, all its parts of `period` added up. Rows of
+/// sums are of [`padded`] length, filled up with zeros.
 pub fn add_turns(level: Level, y: &[f32], columns: usize, period: usize, sums: &mut [f32]) {
     dispatch!(level, simd => simd.vectorize(
         #[inline(always)]
         || {
-            for (row, sums) in y.chunks_exact(columns).zip(sums.chunks_exact_mut(period)) {
+            for (row, sums) in y.chunks_exact(columns).zip(sums.chunks_exact_mut(padded(period))) {
                 sums.fill(0.0);
                 for part in row.chunks_exact(period) {
                     sums.iter_mut().zip(part).for_each(|(sum, value)| *sum += value);
@@ -365,20 +383,28 @@ pub(crate) mod tests {
             let (stride, first) = (outputs + 3, 2);
             let (a, x) = (numbers(inputs * stride, 1), numbers(inputs * columns, 2));
             let mask = numbers(outputs * columns, 3);
-            let turn = if columns % 32 == 0 { 32 } else { 16 };
-            let data = numbers(outputs * turn, 4);
-            let bases = [None, Some(Base { data: &data, columns: turn })];
+            let periods = [16, 32, 17, 5, 1];
+            let rows = periods.map(|period| numbers(outputs * padded(period), 4));
+            let repeated = [0, 1, 2, 3, 4].map(|i| {
+                let mut base = vec![f32::NAN; outputs * Base::stride(periods[i])];
+                repeat_rows(&rows[i], periods[i], &mut base);
+                base
+            });
+            let bases = [None, Some(0), Some(1), Some(2), Some(3), Some(4)];
             let mut y = vec![f32::NAN; outputs * columns];
             let stores = [Store::Set, Store::Rectified, Store::WherePositive(&mask)];
             let cases = stores.into_iter().flat_map(|s| bases.map(|b| (s, b)));
             for ((store, base), level) in cases.flat_map(|c| levels().into_iter().map(move |l| (c, l))) {
                 let matrix = Matrix { data: &a, stride, first };
-                multiply(level, matrix, &x, &mut y, (inputs, outputs, columns), base, store);
+                let shape = (inputs, outputs, columns);
+                let repeated = base.map(|i| Base { data: &repeated[i], period: periods[i] });
+                multiply(level, matrix, &x, &mut y, shape, repeated, store);
                 for m in 0..outputs {
                     for c in 0..columns {
                         let plain: f32 =
                             (0..inputs).map(|k| a[k * stride + first + m] * x[k * columns + c]).sum();
-                        let plain = plain + base.map_or(0.0, |base| base.data[m * turn + c % turn]);
+                        let base = base.map_or(0.0, |i| rows[i][m * padded(periods[i]) + c % periods[i]]);
+                        let plain = plain + base;
                         let plain = match store {
                             Store::Set => plain,
                             Store::Rectified => plain.max(0.0),
@@ -419,12 +445,15 @@ pub(crate) mod tests {
     #[test]
     fn turns_add_up() {
         let y = numbers(2 * 96, 1);
-        for level in levels() {
-            let mut sums = [f32::NAN; 64];
-            add_turns(level, &y, 96, 32, &mut sums);
+        for (level, period) in levels().into_iter().flat_map(|l| [32, 17, 12].map(|p| (l, p))) {
+            let wide = padded(period);
+            let mut sums = vec![f32::NAN; 2 * wide];
+            add_turns(level, &y, 96, period, &mut sums);
             for (i, sum) in sums.iter().enumerate() {
-                let plain: f32 = (0..3).map(|turn| y[i / 32 * 96 + turn * 32 + i % 32]).sum();
-                assert!((sum - plain).abs() < 1e-6, "{i}: {sum} is not {plain}");
+                let (row, column) = (i / wide, i % wide);
+                let turns = if column < period { 96 / period } else { 0 };
+                let plain: f32 = (0..turns).map(|turn| y[row * 96 + turn * period + column]).sum();
+                assert!((sum - plain).abs() < 1e-6, "{period} {i}: {sum} is not {plain}");
             }
         }
     }

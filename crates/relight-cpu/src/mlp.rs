@@ -10,7 +10,9 @@ use fearless_simd::Level;
 use relight_field::parameters::{Layer, Network};
 
 use crate::aligned::Aligned;
-use crate::dense::{Base, Matrix, MatrixMut, Store, accumulate_outer, add_turns, multiply};
+use crate::dense::{
+    Base, Matrix, MatrixMut, Store, accumulate_outer, add_turns, multiply, padded, repeat_rows,
+};
 
 /// Weights in the two layouts that the products want.
 pub struct Mlp {
@@ -26,14 +28,16 @@ pub struct Mlp {
 pub struct Tape {
     /// The own inputs of every layer, then the outputs of the last; `[rows][columns]`.
     pub values: Vec<Aligned>,
-    /// The shared inputs of every layer, `[rows][points]`.
+    /// The shared inputs of every layer, `[rows][padded points]`.
     pub shared: Vec<Aligned>,
     /// Gradients with respect to `values`.
     gradients: Vec<Aligned>,
     /// Gradients with respect to `shared`.
     shared_gradients: Vec<Aligned>,
-    /// `[outputs][points]`: forward, the shared part of a layer; backward, its gradients summed over lights.
+    /// `[outputs][padded points]`: forward, the shared part of a layer; backward, its gradients summed over lights.
     of_points: Aligned,
+    /// The shared part of a layer as a [`Base`].
+    repeated: Aligned,
     columns: usize,
     points: usize,
 }
@@ -55,7 +59,7 @@ impl Tape {
         &self.gradients[0]
     }
 
-    /// Gradients with respect to the shared inputs of layer `layer`, `[rows][points]`, after [`Mlp::backward`].
+    /// Gradients with respect to the shared inputs of layer `layer`, `[rows][padded points]`, after [`Mlp::backward`].
     pub fn shared_gradient(&self, layer: usize) -> &[f32] {
         &self.shared_gradients[layer]
     }
@@ -123,8 +127,8 @@ impl Mlp {
         }
     }
 
-    /// Makes room for `columns` columns of `points` points, both multiples of
-    /// [`COLUMN_ALIGN`](crate::dense::COLUMN_ALIGN); the caller then fills `values[0]` and all of `shared`.
+    /// Makes room for `columns` columns, a multiple of [`COLUMN_ALIGN`](crate::dense::COLUMN_ALIGN), of `points` points; the
+    /// caller then fills `values[0]` and all of `shared`.
     pub fn prepare(&self, tape: &mut Tape, columns: usize, points: usize) {
         let resize = |arrays: [&mut Vec<Aligned>; 2], layer: usize, length: usize| {
             for array in arrays {
@@ -132,14 +136,16 @@ impl Mlp {
                 array[layer].resize(length);
             }
         };
+        let wide = padded(points);
         for (i, (layer, own)) in self.layers.iter().zip(&self.own).enumerate() {
             resize([&mut tape.values, &mut tape.gradients], i, own.len() * columns);
-            resize([&mut tape.shared, &mut tape.shared_gradients], i, (layer.inputs - own.len()) * points);
+            resize([&mut tape.shared, &mut tape.shared_gradients], i, (layer.inputs - own.len()) * wide);
         }
         let outputs = self.layers.last().map_or(0, |l| l.outputs);
         resize([&mut tape.values, &mut tape.gradients], self.layers.len(), outputs * columns);
         let widest = self.layers.iter().map(|l| l.outputs).max().unwrap_or(0);
-        tape.of_points.resize(widest * points);
+        tape.of_points.resize(widest * wide);
+        tape.repeated.resize(widest * Base::stride(points));
         (tape.columns, tape.points) = (columns, points);
     }
 
@@ -153,8 +159,10 @@ impl Mlp {
             let shared = layer.inputs - own.len();
             let base = if shared > 0 {
                 let (x, y) = (&tape.shared[i], &mut tape.of_points);
-                multiply(level, matrix(shared_a), x, y, (shared, layer.outputs, points), None, Store::Set);
-                Some(Base { data: y, columns: points })
+                let shape = (shared, layer.outputs, padded(points));
+                multiply(level, matrix(shared_a), x, y, shape, None, Store::Set);
+                repeat_rows(y, points, &mut tape.repeated);
+                Some(Base { data: &tape.repeated, period: points })
             } else {
                 None
             };
@@ -181,14 +189,15 @@ impl Mlp {
             if own.len() == layer.inputs {
                 continue;
             }
-            let sums = &mut tape.of_points[..layer.outputs * points];
+            let wide = padded(points);
+            let sums = &mut tape.of_points[..layer.outputs * wide];
             add_turns(level, dy, columns, points, sums);
             let (x, dx) = (&tape.shared[i], &mut tape.shared_gradients[i]);
-            let (x_before, x_behind) = x.split_at(own.start * points);
-            let (dx_before, dx_behind) = dx.split_at_mut(own.start * points);
+            let (x_before, x_behind) = x.split_at(own.start * wide);
+            let (dx_before, dx_behind) = dx.split_at_mut(own.start * wide);
             let sides = [(0..own.start, x_before, dx_before), (own.end..layer.inputs, x_behind, dx_behind)];
             for (inputs, x, dx) in sides {
-                let part = Part { layer, level, columns: points, inputs, wanted: &wanted };
+                let part = Part { layer, level, columns: wide, inputs, wanted: &wanted };
                 part.backward(sums, x, dx, gradient, |_| Store::Set);
             }
         }

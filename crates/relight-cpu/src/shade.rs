@@ -55,11 +55,9 @@ pub struct Shader {
 
 /// Copies rows of `n` numbers to rows of `wide`, which zeros fill up.
 fn fill_rows(source: &[f32], n: usize, rows: &mut [f32], wide: usize) {
-    if n > 0 {
-        for (row, source) in rows.chunks_exact_mut(wide).zip(source.chunks_exact(n)) {
-            row[..n].copy_from_slice(source);
-            row[n..].fill(0.0);
-        }
+    for (row, source) in rows.chunks_exact_mut(wide).zip(source.chunks_exact(n)) {
+        row[..n].copy_from_slice(source);
+        row[n..].fill(0.0);
     }
 }
 
@@ -71,12 +69,13 @@ fn add_rows(rows: &[f32], wide: usize, sums: &mut [f32], n: usize) {
 }
 
 impl Shader {
-    /// Columns of the colour and visibility rows: those of all points under the first light, then under the next.
+    /// Columns of the colour and visibility rows: those of all points under the first light, then under the next, and some
+    /// more that fill them up.
     pub fn columns(&self) -> usize {
         self.columns
     }
 
-    /// Columns of one light: the points, and some more that fill them up.
+    /// Columns of the rows that all lights share: the points, and some more that fill them up.
     pub fn wide(&self) -> usize {
         padded(self.points.len())
     }
@@ -91,10 +90,16 @@ impl Shader {
         light: impl Fn(usize, usize) -> &'a CodedLight,
     ) {
         let wide = self.wide();
-        self.columns = wide * lights;
-        networks.rgb.prepare(&mut self.rgb, self.columns, wide);
+        let points = self.points.len();
+        self.columns = padded(points * lights);
+        if points == 0 {
+            self.colour.clear();
+            self.visibility.clear();
+            return;
+        }
+        networks.rgb.prepare(&mut self.rgb, self.columns, points);
         if let Some(vis) = &networks.vis {
-            vis.prepare(&mut self.vis, self.columns, wide);
+            vis.prepare(&mut self.vis, self.columns, points);
         }
         for (axis, row) in self.direction.iter_mut().enumerate() {
             row.clear();
@@ -139,7 +144,7 @@ impl Shader {
         lights: usize,
         light: &impl Fn(usize, usize) -> &'a CodedLight,
     ) {
-        let (columns, wide) = (self.columns, self.wide());
+        let (columns, points) = (self.columns, self.points.len());
         let input = networks.architecture.light;
         if input == LightInput::Pose {
             let rows = &mut self.rgb.values[0];
@@ -147,7 +152,7 @@ impl Shader {
             for l in 0..lights {
                 for (q, point) in self.points.iter().enumerate() {
                     let code = &light(point.ray, l).code;
-                    let column = rows[l * wide + q..].iter_mut().step_by(columns);
+                    let column = rows[l * points + q..].iter_mut().step_by(columns);
                     column.zip(code).for_each(|(value, &code)| *value = code);
                 }
             }
@@ -165,8 +170,8 @@ impl Shader {
                     row.push(component / norm);
                 }
             }
-            self.direction.iter_mut().for_each(|row| row.resize((l + 1) * wide, 0.0));
         }
+        self.direction.iter_mut().for_each(|row| row.resize(columns, 0.0));
         let [x, y, z] = &self.direction;
         if input == LightInput::Direction {
             spherical_harmonics(simd, [x, y, z], &mut self.rgb.values[0]);
@@ -206,7 +211,7 @@ impl Shader {
         d_vis.fill(0.0);
         for l in 0..lights {
             for (q, point) in self.points.iter().enumerate() {
-                let p = l * wide + q;
+                let p = l * points + q;
                 let (d, o) = (colour_gradient(point.ray, l), self.visibility[p]);
                 let mut d_o = 0.0;
                 for channel in 0..3 {

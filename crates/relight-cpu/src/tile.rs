@@ -152,17 +152,18 @@ impl Workspace {
         self.shader.forward(simd, networks, rays.directions, lights, light);
         self.colours.clear();
         self.colours.resize(rays.origins.len() * lights, [0.0; 3]);
-        let (columns, wide) = (self.shader.columns(), self.shader.wide());
+        let (columns, points) = (self.shader.columns(), &self.shader.points);
         for l in 0..lights {
-            for (q, point) in self.shader.points.iter().enumerate() {
-                let p = l * wide + q;
+            for (q, point) in points.iter().enumerate() {
+                let p = l * points.len() + q;
                 let scale = point.weight * self.shader.visibility[p];
                 for (channel, value) in self.colours[point.ray * lights + l].iter_mut().enumerate() {
                     *value += scale * self.shader.colour[channel * columns + p];
                 }
             }
         }
-        self.clock.lap(Stage::Shade, networks.shading_operations(columns, wide).0);
+        let operations = networks.shading_operations(columns, self.shader.wide());
+        self.clock.lap(Stage::Shade, operations.0);
     }
 
     /// The samples that weigh something.

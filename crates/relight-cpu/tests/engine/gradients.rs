@@ -2,6 +2,7 @@
 
 use fearless_simd::Level;
 use relight_cpu::adam::{Adam, BETA1};
+use relight_cpu::deferred::NEGLIGIBLE;
 use relight_cpu::hash_grid::HashGrid;
 use relight_cpu::samples::{Jitter, SampleBatch};
 use relight_cpu::tile::{Regularisers, Workspace};
@@ -13,6 +14,8 @@ use relight_field::reference::{Field, loss_and_gradient};
 use relight_field::sampling::{Sampling, Shading};
 
 use crate::common::*;
+
+const SAMPLING: Sampling = Sampling::Stratified { coarse: 7, fine: 5 };
 
 const SETTINGS: StepSettings = StepSettings {
     step: 0,
@@ -122,8 +125,7 @@ fn compare(
     let batch = batch(10, lights);
     let parts = Parts::new(parameters);
     let mut samples = SampleBatch::default();
-    let sampling = Sampling::Stratified { coarse: 7, fine: 5 };
-    samples.fill(&parts.marcher(simd), &batch.rays, sampling, tile_rays, Jitter(Some(Random::new(1, 2))));
+    samples.fill(&parts.marcher(simd), &batch.rays, SAMPLING, tile_rays, Jitter(Some(Random::new(1, 2))));
 
     let ours = ours(simd, parameters, shading, &batch, &samples, &parts);
     let plain = plain_samples(&samples, batch.rays.origins.len());
@@ -186,4 +188,20 @@ fn clear_and_opaque_fields_give_the_same() {
         let name = format!("density scale {density_scale}");
         compare(&name, &parameters, Shading::Deferred, 3, Level::new(), 4);
     }
+}
+
+/// A tile of rays that end in front of the face, show it alone, and show it through what they meet.
+#[test]
+fn rays_of_all_kinds_share_a_tile() {
+    let mut parameters = field(V5);
+    parameters.config.density_scale = 8.0;
+    let (parts, batch) = (Parts::new(&parameters), batch(10, 3));
+    let (marcher, mut samples) = (parts.marcher(Level::new()), SampleBatch::default());
+    samples.fill(&marcher, &batch.rays, SAMPLING, 10, Jitter(Some(Random::new(1, 2))));
+    let mut workspace = Workspace::default();
+    workspace.look(marcher.simd, &parts.networks, &samples.tile(&marcher, &batch.rays, 0));
+    let beyond: Vec<f32> = (1..=10).map(|r| workspace.weights[r * samples.samples - 1]).collect();
+    assert!(beyond.iter().any(|&w| w < NEGLIGIBLE) && beyond.iter().any(|&w| 1.0 - w < NEGLIGIBLE));
+    assert!(beyond.iter().any(|&w| (0.01..0.99).contains(&w)), "{beyond:?}");
+    compare("all kinds", &parameters, Shading::Deferred, 3, Level::new(), 10);
 }
