@@ -20,7 +20,7 @@ use crate::stages::{Clock, Stage};
 const WEIGHT_THRESHOLD: f32 = 1e-4;
 /// Keeps `exp` finite; a density of `exp(60)` is as opaque as any.
 const LOGIT_LIMIT: f32 = 60.0;
-/// Where torch-ngp's `trunc_exp` stops the derivative from growing.
+/// Where torch-ngp's `trunc_exp` stops the derivative from growing, and below its negative from falling.
 const DERIVATIVE_LIMIT: f32 = 15.0;
 
 /// The rays of a tile and where their samples lie. Sample `k` of ray `r` is column `r * samples + k`.
@@ -251,9 +251,9 @@ impl Workspace {
             composite::backward(w, g);
         }
         // d optical / d logit is the optical depth itself, with the derivative of exp limited.
-        let limit = networks.density_scale * DERIVATIVE_LIMIT.exp();
+        let [least, limit] = [-DERIVATIVE_LIMIT, DERIVATIVE_LIMIT].map(|l| networks.density_scale * l.exp());
         for (c, d) in d_logit.iter_mut().enumerate().take(n * k) {
-            *d = self.weight_gradient[c] * self.density[c].min(limit) * rays.lengths[c];
+            *d = self.weight_gradient[c] * self.density[c].clamp(least, limit) * rays.lengths[c];
         }
         self.clock.lap(Stage::CompositeBackward, 3 * networks.point_features() * columns);
         networks.geo.backward(simd, &mut self.geo, &mut gradients.geo, 0..networks.features);

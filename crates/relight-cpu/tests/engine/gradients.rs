@@ -205,3 +205,23 @@ fn rays_of_all_kinds_share_a_tile() {
     assert!(beyond.iter().any(|&w| (0.01..0.99).contains(&w)), "{beyond:?}");
     compare("all kinds", &parameters, Shading::Deferred, 3, Level::new(), 10);
 }
+
+/// Where the derivative of the density no longer follows the logit.
+#[test]
+fn logits_beyond_the_derivatives_limit_give_the_same() {
+    let mut parameters = field(V5);
+    // Activations are not negative, so logits are not positive; the density that they scale makes up for it.
+    let layer = parameters.geo.layers.last_mut().unwrap();
+    layer.weight[..layer.inputs].fill(-7.0);
+    parameters.config.density_scale = 3e6;
+    let (parts, batch) = (Parts::new(&parameters), batch(10, 3));
+    let (marcher, mut samples) = (parts.marcher(Level::new()), SampleBatch::default());
+    samples.fill(&marcher, &batch.rays, SAMPLING, 10, Jitter(Some(Random::new(1, 2))));
+    let mut workspace = Workspace::default();
+    workspace.look(marcher.simd, &parts.networks, &samples.tile(&marcher, &batch.rays, 0));
+    let logits: Vec<f32> = workspace.density[..120].iter().map(|d| (d / 3e6).ln()).collect();
+    let [below, above] = [|l: &&f32| **l < -15.5, |l: &&f32| **l > -14.5]
+        .map(|p: fn(&&f32) -> bool| logits.iter().filter(p).count());
+    assert!(below > 20 && above > 20, "{logits:?}");
+    compare("logits beyond the limit", &parameters, Shading::Deferred, 3, Level::new(), 10);
+}
