@@ -93,7 +93,7 @@ fn ssim_is_its_definition_at_any_size_and_contrast() {
             &|i| (noise(i, 3) as u8, noise(i, 900_000) as u8),
             &|i| ((i / 40 % 200) as u8, (i / 40 % 200 + noise(i, 1) as usize % 4) as u8),
             &|i| ((250 + noise(i, 1) % 3) as u8, 251),
-            &|i| ((noise(i, 1) % 2) as u8, (noise(i, 1) % 3) as u8),
+            &|i| ((noise(i, 1) % 2) as u8, (1 + noise(i, 1) % 3) as u8),
             &|i| (if i / 30 % 2 == 0 { 255 } else { 0 }, if i / 31 % 2 == 0 { 250 } else { 3 }),
         ];
         for (n, texture) in textures.iter().enumerate() {
@@ -130,7 +130,10 @@ fn refusals_say_why() {
     assert_eq!(psnr(&grey[3..], &grey), Err(MetricError::Sizes { picture: 357, truth: 360 }));
     assert_eq!(psnr(&[1, 2, 3, 4], &[1, 2, 3, 4]), Err(MetricError::NotRgb(4)));
     assert_eq!(psnr(&[], &[]), Err(MetricError::NotRgb(0)));
-    assert_eq!(psnr(&grey, &black), Err(MetricError::BlackTruth));
+    for trace in [0, 2] {
+        assert_eq!(psnr(&grey, &vec![trace; grey.len()]), Err(MetricError::BlackTruth));
+    }
+    assert!(psnr(&grey, &vec![3; grey.len()]).is_ok());
     assert!(psnr(&black, &grey).is_ok(), "only the truth must not be black");
     assert!(MetricError::BlackTruth.to_string().contains("official ReNe release"));
 }
