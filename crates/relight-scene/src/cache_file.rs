@@ -168,6 +168,8 @@ impl Writer<'_> {
     /// Puts the file in its place.
     pub(crate) fn finish(self) -> io::Result<Found> {
         let file = self.file.into_inner().map_err(io::IntoInnerError::into_error)?;
+        // Whole even after a loss of power, since no sum tells whether pixels are.
+        file.as_file().sync_data()?;
         let file = file.persist(&self.entry.path).map_err(|error| error.error)?;
         Ok(Found { file, offset: self.entry.offset() as u64, length: self.length })
     }

@@ -96,6 +96,13 @@ impl Intrinsics {
         }
     }
 
+    /// All numbers, bit by bit.
+    pub(crate) fn bits(&self) -> Vec<u64> {
+        let Intrinsics { width, height, fx, fy, cx, cy, distortion } = self;
+        let numbers = [fx, fy, cx, cy].into_iter().chain(distortion).map(|number| number.to_bits());
+        [u64::from(*width), u64::from(*height)].into_iter().chain(numbers).collect()
+    }
+
     /// How far, in pixels, a round trip through the lens misses at the image's corners: large where the distortion
     /// model folds inside the image.
     pub(crate) fn round_trip_error(&self) -> f64 {

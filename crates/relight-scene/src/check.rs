@@ -55,10 +55,12 @@ fn check_images(scene: &Scene, progress: &(dyn Fn(usize, usize) + Sync), faults:
     let is_black: Vec<Option<bool>> = blackness.into_iter().map(|result| faults.keep(result)).collect();
     if let Some(splits) = faults.keep(Splits::peek(scene)) {
         faults.keep(splits.check_training(scene));
+        faults.0.extend(splits.left_out(scene));
         check_black(scene, &splits, &is_black, faults);
-        if splits.easy.is_empty() {
-            let problem = "there are too few views to hold any out for a test";
-            faults.note(FaultKind::Split, &scene.root, problem, "Capture more views to score novel ones.");
+        if splits.easy.is_empty() && splits.hard.is_empty() {
+            let problem = "no view is held out for a test";
+            let mend = "Novel views can be scored where there are two views or more, and splits that keep one of them.";
+            faults.note(FaultKind::Split, &scene.root, problem, mend);
         }
     }
     is_black.iter().flatten().count()

@@ -3,6 +3,7 @@
 //! A capture looks at one thing. If the rays through the images' middles meet ahead of the cameras once the poses are
 //! inverted, or their axes flipped, and not as they stand, then inverted or flipped is what they are.
 
+use std::collections::HashMap;
 use std::path::PathBuf;
 
 use crate::camera::Camera;
@@ -29,6 +30,8 @@ const FARTHER: f64 = 50.0;
 /// Nearer to the focus than this share of the cameras' distance, a light stands in the scene.
 const INSIDE: f64 = 0.2;
 
+/// Cameras that stand no farther apart, metres, meet nowhere.
+const AT_ONE_PLACE: f64 = 1e-6;
 /// Farther than this from the world's origin, metres, and single precision no longer tells tenths of a millimetre apart.
 const REMOTE: f64 = 1000.0;
 
@@ -36,6 +39,8 @@ const REMOTE: f64 = 1000.0;
 /// places it.
 pub(crate) fn check(scene: &Scene, camera_files: &[PathBuf], light_files: &[PathBuf], faults: &mut Faults) {
     let target = focus(&scene.cameras, &scene.lights);
+    check_copies("camera", scene.cameras.iter().map(|camera| &camera.pose), camera_files, faults);
+    check_copies("light", scene.lights.iter().map(|light| &light.pose), light_files, faults);
     if check_all_cameras(scene, camera_files, faults) {
         let reach = reach(scene, target);
         // In another unit nothing tells how far is far.
@@ -45,6 +50,32 @@ pub(crate) fn check(scene: &Scene, camera_files: &[PathBuf], light_files: &[Path
         }
         check_each_camera(scene, target, camera_files, faults);
         check_lights(scene, target, is_metric.then_some(reach), light_files, faults);
+    }
+}
+
+/// Poses that are another's to the last bit: a file that was copied.
+fn check_copies<'a>(
+    what: &str,
+    poses: impl Iterator<Item = &'a Pose>,
+    files: &[PathBuf],
+    faults: &mut Faults,
+) {
+    let mut seen = HashMap::new();
+    let mut copies = Vec::new();
+    for (pose, file) in poses.zip(files) {
+        let first: &PathBuf = seen.entry(pose.to_matrix().map(f64::to_bits)).or_insert(file);
+        if first != file {
+            copies.push((file, first));
+        }
+    }
+    if let Some(&(file, first)) = copies.first() {
+        let others = match copies.len() - 1 {
+            0 => String::new(),
+            others => format!(", and so it is of {others} more"),
+        };
+        let problem = format!("the {what}'s pose is that of {}{others}", first.display());
+        let mend = "Two of them never stand at the same place: put the right file in the place of the copy.";
+        faults.warning(FaultKind::Inconsistent, file, problem, mend);
     }
 }
 
@@ -127,7 +158,7 @@ fn check_all_cameras(scene: &Scene, files: &[PathBuf], faults: &mut Faults) -> b
     let likelier = others.into_iter().map(|reading| (reading, read(reading))).filter(|(reading, other)| {
         // Inverting good poses puts the cameras on a heap, where their axes may well meet.
         let unfolds = *reading == axes || other.spread > 2.0 * as_is.spread;
-        other.miss < ON_TARGET && 3.0 * other.miss < as_is.miss && unfolds
+        other.miss < ON_TARGET && 3.0 * other.miss < as_is.miss && unfolds && other.spread > AT_ONE_PLACE
     });
     let Some((reading, _)) = likelier.min_by(|(_, a), (_, b)| a.miss.total_cmp(&b.miss)) else { return true };
     let mend = format!("{}; for each of them: {}.", right.rule(), reading.mend(right));

@@ -133,6 +133,12 @@ impl Pose {
         self.0.map(|row| row[3])
     }
 
+    /// The largest difference of an entry from that of another pose.
+    pub(crate) fn difference(&self, other: &Pose) -> f64 {
+        let entries = self.0.iter().flatten().zip(other.0.iter().flatten());
+        entries.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+    }
+
     /// One of the pose's own axes (0, 1, 2) in the world; axis 2 of a camera is where it looks.
     pub(crate) fn axis(&self, axis: usize) -> Vector {
         self.0.map(|row| row[axis])

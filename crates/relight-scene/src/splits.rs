@@ -13,7 +13,8 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::{FaultKind, SceneError};
+use crate::error::{Fault, FaultKind, SceneError, Severity};
+use crate::frame::Frame;
 use crate::scene::{Layout, Scene};
 
 /// Views and lights of the official release.
@@ -94,6 +95,9 @@ impl Splits {
     pub fn of(scene: &Scene) -> Result<Splits, SceneError> {
         if let Some(splits) = Splits::settled(scene)? {
             splits.check_training(scene)?;
+            if let Some(fault) = splits.left_out(scene) {
+                tracing::warn!("{fault}");
+            }
             return Ok(splits);
         }
         let splits = drawn::draw(scene);
@@ -124,13 +128,34 @@ impl Splits {
         if !self.train.is_empty() {
             return Ok(());
         }
-        let file = file::path(scene);
-        let (path, mend) = if scene.declared.is_none() && !is_official(scene) && file.exists() {
-            (file, "Remove the file to draw splits anew.")
+        let (path, mend) = if is_of_file(scene) {
+            (file::path(scene), "Remove the file to draw splits anew.")
         } else {
             (scene.root.clone(), "Add images of cameras and under lights that are not held out for the test.")
         };
         Err(SceneError::fault(FaultKind::Split, &path, "leaves no image to train on", mend))
+    }
+
+    /// What a `splits.json` leaves out because it was not there when the file was made: images of cameras, or under lights,
+    /// of which no split knows.
+    pub(crate) fn left_out(&self, scene: &Scene) -> Option<Fault> {
+        if !is_of_file(scene) {
+            return None;
+        }
+        let all = [&self.train, &self.val, &self.easy, &self.hard].into_iter().flatten();
+        let (cameras, lights): (HashSet<usize>, HashSet<usize>) =
+            all.map(|&frame| (scene.frames[frame].camera, scene.frames[frame].light)).unzip();
+        let is_new = |frame: &&Frame| !cameras.contains(&frame.camera) || !lights.contains(&frame.light);
+        let left_out = scene.frames.iter().filter(is_new).count();
+        (left_out > 0).then(|| Fault {
+            severity: Severity::Warning,
+            kind: FaultKind::Split,
+            path: file::path(scene),
+            problem: format!(
+                "{left_out} images stand in no split: it knows nothing of their views or lights"
+            ),
+            mend: "They are not used. Remove the file to draw splits anew.".to_owned(),
+        })
     }
 
     /// The splits that need not be drawn.
@@ -148,9 +173,20 @@ impl Splits {
             return Ok(Some(published));
         }
         match &scene.declared {
-            Some(declared) => Ok(Some(drawn::with_validation(declared.clone()))),
+            Some(declared) => Ok(Some(drawn::with_validation(declared.clone()).told_by_light(scene))),
             None => file::read(scene),
         }
+    }
+
+    /// These splits, with all test frames under lights that training does not see in `hard`, and the others in `easy`.
+    fn told_by_light(mut self, scene: &Scene) -> Splits {
+        let light = |frame: &usize| scene.frames[*frame].light;
+        let seen: HashSet<usize> = self.train.iter().map(light).collect();
+        let tests = std::mem::take(&mut self.easy).into_iter().chain(std::mem::take(&mut self.hard));
+        (self.easy, self.hard) = tests.partition(|frame| seen.contains(&light(frame)));
+        self.easy.sort_unstable();
+        self.hard.sort_unstable();
+        self
     }
 
     /// The frames of one split.
@@ -171,6 +207,11 @@ impl Splits {
             Split::Hard => &mut self.hard,
         }
     }
+}
+
+/// Whether a scene's splits are those of the `splits.json` beside it.
+fn is_of_file(scene: &Scene) -> bool {
+    scene.declared.is_none() && !is_official(scene) && file::path(scene).exists()
 }
 
 /// Whether a scene is of the official release, perhaps not all of it.

@@ -1,6 +1,7 @@
 //! The folders that scenes lie in, one file a format.
 
 pub(crate) mod camera_file;
+mod lenses;
 pub(crate) mod pose_file;
 mod rene;
 mod rene_writer;

@@ -11,6 +11,7 @@ use rayon::prelude::*;
 
 use super::Found;
 use super::camera_file;
+use super::lenses;
 use super::pose_file;
 use crate::camera::{Camera, Intrinsics};
 use crate::error::{FaultKind, Faults};
@@ -218,25 +219,7 @@ fn common_intrinsics(folders: &[LightFolder], faults: &mut Faults) -> Option<Int
             faults.error(FaultKind::Inconsistent, &folder.path.join("camera.yml"), problem, mend);
         }
     }
-    let middle = [f64::from(intrinsics.width), f64::from(intrinsics.height)];
-    let path = first.path.join("camera.yml");
-    if !(0.0..middle[0]).contains(&intrinsics.cx) || !(0.0..middle[1]).contains(&intrinsics.cy) {
-        let problem = format!(
-            "the principal point {}, {} lies outside the image of {}x{}",
-            intrinsics.cx, intrinsics.cy, intrinsics.width, intrinsics.height
-        );
-        let mend = "Check that camera_matrix and image_size ([width, height]) belong to the same resolution.";
-        faults.warning(FaultKind::Lens, &path, problem, mend);
-    }
-    let miss = intrinsics.round_trip_error();
-    if miss > 0.5 {
-        // A wild lens misses by numbers of three hundred digits.
-        let miss = if miss < 1e6 { format!("{miss:.1}") } else { format!("{miss:e}") };
-        let problem =
-            format!("the lens distortion cannot be undone at the image's corners (off by {miss} pixels)");
-        let mend = "Check the order of dist_coeffs (k1 k2 p1 p2 k3 …) or calibrate with fewer coefficients.";
-        faults.warning(FaultKind::Lens, &path, problem, mend);
-    }
+    lenses::check(intrinsics, &first.path.join("camera.yml"), faults);
     Some(intrinsics.clone())
 }
 
@@ -247,9 +230,7 @@ fn common_poses<'a>(folders: &'a [LightFolder], faults: &mut Faults) -> BTreeMap
         for (&label, (path, pose)) in &folder.poses {
             let Some(pose) = *pose else { continue };
             let &mut (first, known) = poses.entry(label).or_insert((path, pose));
-            let differences =
-                pose.0.iter().flatten().zip(known.0.iter().flatten()).map(|(a, b)| (a - b).abs());
-            let largest = differences.fold(0.0, f64::max);
+            let largest = pose.difference(&known);
             let problem = format!("differs from {} by up to {largest:.2e}", first.display());
             if largest > SAME_POSE {
                 let mend = "A camera stands at the same place under all lights: copy the right pose to all folders, or \

@@ -6,14 +6,16 @@
 //! `[cx, cy, fx, fy]`; each frame may state its own. Matrices are camera-to-world with OpenGL's camera axes, and
 //! principal points count from the image's corner: both are converted. Lights are made to look at the focus.
 
-use std::collections::HashMap;
-use std::f64::consts::PI;
+mod lens;
+mod nearby;
+
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
-use super::{Found, pose_file};
-use crate::camera::{Camera, Intrinsics, LONGEST_SIDE};
+use super::{Found, lenses, pose_file};
+use crate::camera::{Camera, Intrinsics};
 use crate::error::{FaultKind, Faults, SceneError};
 use crate::files;
 use crate::focus::focus;
@@ -24,6 +26,8 @@ use crate::pose::Pose;
 use crate::reading::Reading;
 use crate::scene::{Layout, Scene};
 use crate::splits::{Split, Splits};
+use lens::Lens;
+use nearby::{Nearby, ROUNDING};
 
 const LONGEST: u64 = 1 << 26;
 
@@ -51,27 +55,6 @@ struct Entry {
     file_path: PathBuf,
     transform_matrix: Vec<Vec<f64>>,
     pl_pos: Option<Vec<f64>>,
-}
-
-/// Whatever is said of a lens, in a file or for a frame.
-#[derive(Clone, Default, Deserialize)]
-struct Lens {
-    camera_angle_x: Option<f64>,
-    camera_angle_y: Option<f64>,
-    /// `[cx, cy, fx, fy]`
-    camera_intrinsics: Option<Vec<f64>>,
-    fl_x: Option<f64>,
-    fl_y: Option<f64>,
-    cx: Option<f64>,
-    cy: Option<f64>,
-    w: Option<f64>,
-    h: Option<f64>,
-    k1: Option<f64>,
-    k2: Option<f64>,
-    k3: Option<f64>,
-    k4: Option<f64>,
-    p1: Option<f64>,
-    p2: Option<f64>,
 }
 
 /// The files of a folder, with the split that each stands for.
@@ -103,6 +86,14 @@ pub(super) fn read(root: &Path, found: &[(PathBuf, Option<Split>)], faults: &mut
         let mend = "Every frame needs file_path, transform_matrix and pl_pos.";
         faults.error(FaultKind::Missing, path, "holds no frame that can be used", mend);
         return None;
+    }
+    if reader.rounded > 0 {
+        let path = found.first().map_or(root, |(path, _)| path);
+        let problem = format!(
+            "{} frames have a camera or a light that differs from an earlier one by rounding: they are taken for the same",
+            reader.rounded
+        );
+        faults.note(FaultKind::Inconsistent, path, problem, "");
     }
     // Cameras and lights first appear without knowing what they look at.
     let target = focus(&reader.cameras, &reader.lights);
@@ -139,19 +130,22 @@ pub(crate) fn parse(text: &str) -> Result<File, serde_json::Error> {
     Ok(File { lens: serde_json::from_str(text)?, camera_model, frames })
 }
 
-/// What has been read so far. Equal cameras are one camera, and equal lights one light.
+/// What has been read so far. Cameras that differ by rounding are one camera, and so are lights.
 #[derive(Default)]
 struct Reader {
     root: PathBuf,
     cameras: Vec<Camera>,
-    camera_index: HashMap<Vec<u64>, usize>,
+    camera_index: Nearby,
+    lenses: HashSet<Vec<u64>>,
     camera_files: Vec<PathBuf>,
     lights: Vec<Light>,
-    light_index: HashMap<[u64; 3], usize>,
+    light_index: Nearby,
     light_files: Vec<PathBuf>,
     frames: Vec<Frame>,
     pairs: HashMap<(usize, usize), PathBuf>,
     splits: Splits,
+    /// Frames whose camera or light is another's but for rounding.
+    rounded: usize,
 }
 
 impl Reader {
@@ -171,8 +165,14 @@ impl Reader {
             else {
                 continue;
             };
+            if self.lenses.insert(intrinsics.bits()) {
+                lenses::check(&intrinsics, path, faults);
+            }
             let camera = self.camera(intrinsics, pose, path);
             let light = self.light(position, path);
+            let is_rounded =
+                self.cameras[camera].pose != pose || self.lights[light].pose.position() != position;
+            self.rounded += usize::from(is_rounded);
             if let Some(other) = self.pairs.insert((camera, light), image.clone()) {
                 let problem = format!("shows the same view under the same light as {}", other.display());
                 faults.warning(FaultKind::Extra, &image, problem, "It is left out: remove one of the two.");
@@ -269,102 +269,31 @@ impl Reader {
     }
 
     fn camera(&mut self, intrinsics: Intrinsics, pose: Pose, file: &Path) -> usize {
-        let Intrinsics { width, height, fx, fy, cx, cy, distortion } = &intrinsics;
-        let numbers = [fx, fy, cx, cy].into_iter().chain(distortion).chain(pose.0.iter().flatten());
-        let size = [u64::from(*width), u64::from(*height)];
-        let key = size.into_iter().chain(numbers.map(|number| number.to_bits())).collect();
+        let is_same = |other: usize| {
+            let other = &self.cameras[other];
+            other.pose.difference(&pose) <= ROUNDING && other.intrinsics == intrinsics
+        };
+        if let Some(known) = self.camera_index.find(pose.position(), is_same) {
+            return known;
+        }
         let label = self.cameras.len();
-        *self.camera_index.entry(key).or_insert_with(|| {
-            self.cameras.push(Camera { label, intrinsics, pose });
-            self.camera_files.push(file.to_owned());
-            label
-        })
+        self.camera_index.add(pose.position(), label);
+        self.cameras.push(Camera { label, intrinsics, pose });
+        self.camera_files.push(file.to_owned());
+        label
     }
 
     fn light(&mut self, position: [f64; 3], file: &Path) -> usize {
+        let [x, y, z] = position;
+        let pose = Pose([[1.0, 0.0, 0.0, x], [0.0, 1.0, 0.0, y], [0.0, 0.0, 1.0, z]]);
+        let is_same = |other: usize| self.lights[other].pose.difference(&pose) <= ROUNDING;
+        if let Some(known) = self.light_index.find(position, is_same) {
+            return known;
+        }
         let label = self.lights.len();
-        *self.light_index.entry(position.map(f64::to_bits)).or_insert_with(|| {
-            let [x, y, z] = position;
-            let pose = Pose([[1.0, 0.0, 0.0, x], [0.0, 1.0, 0.0, y], [0.0, 0.0, 1.0, z]]);
-            self.lights.push(Light { label, pose });
-            self.light_files.push(file.to_owned());
-            label
-        })
-    }
-}
-
-impl Lens {
-    /// This lens where it says something, else the shared one.
-    fn over(&self, shared: &Lens) -> Lens {
-        let (mine, all) = (self.clone(), shared.clone());
-        // A frame's own focal length must not be overruled by the file's other way of stating one.
-        let own_focal =
-            mine.camera_intrinsics.is_some() || mine.fl_x.is_some() || mine.camera_angle_x.is_some();
-        let focal = if own_focal { &mine } else { &all };
-        Lens {
-            camera_angle_x: focal.camera_angle_x,
-            camera_angle_y: focal.camera_angle_y,
-            camera_intrinsics: focal.camera_intrinsics.clone(),
-            fl_x: focal.fl_x,
-            fl_y: focal.fl_y,
-            cx: mine.cx.or(all.cx),
-            cy: mine.cy.or(all.cy),
-            w: mine.w.or(all.w),
-            h: mine.h.or(all.h),
-            k1: mine.k1.or(all.k1),
-            k2: mine.k2.or(all.k2),
-            k3: mine.k3.or(all.k3),
-            k4: mine.k4.or(all.k4),
-            p1: mine.p1.or(all.p1),
-            p2: mine.p2.or(all.p2),
-        }
-    }
-
-    /// The image size, if it is stated.
-    fn size(&self) -> Option<(f64, f64)> {
-        Some((self.w?, self.h?))
-    }
-
-    /// The lens, over images of the given size if it states none itself.
-    fn intrinsics(&self, size: Option<(u32, u32)>) -> Result<Intrinsics, String> {
-        let size = self.size().or(size.map(|(w, h)| (f64::from(w), f64::from(h))));
-        let (w, h) = size.ok_or("has no image size (w, h)")?;
-        let pixels =
-            |n: f64| (n.fract() == 0.0 && (1.0..=f64::from(LONGEST_SIDE)).contains(&n)).then_some(n as u32);
-        let (Some(width), Some(height)) = (pixels(w), pixels(h)) else {
-            return Err(format!(
-                "the image size {w} x {h} is not a whole number of 1 to {LONGEST_SIDE} pixels a side"
-            ));
-        };
-        if self.k4.is_some_and(|k4| k4 != 0.0) {
-            return Err("k4 belongs to a fisheye lens, which is not supported".to_owned());
-        }
-        let from_angle =
-            |side: f64, angle: f64| (angle > 0.0 && angle < PI).then(|| side / 2.0 / (angle / 2.0).tan());
-        let (fx, fy, cx, cy) = match (self.camera_intrinsics.as_deref(), self.fl_x, self.camera_angle_x) {
-            (Some(&[cx, cy, fx, fy]), ..) => (fx, fy, Some(cx), Some(cy)),
-            (Some(_), ..) => return Err("camera_intrinsics is not [cx, cy, fx, fy]".to_owned()),
-            (None, Some(fx), _) => (fx, self.fl_y.unwrap_or(fx), self.cx, self.cy),
-            (None, None, Some(angle)) => {
-                let fx =
-                    from_angle(w, angle).ok_or("camera_angle_x is not an angle between 0 and pi radians")?;
-                let fy = self.camera_angle_y.and_then(|angle| from_angle(h, angle));
-                (fx, fy.unwrap_or(fx), self.cx, self.cy)
-            }
-            (None, None, None) => return Err("has no focal length".to_owned()),
-        };
-        let coefficient = |k: Option<f64>| k.unwrap_or(0.0);
-        let distortion = [self.k1, self.k2, self.p1, self.p2, self.k3].map(coefficient).to_vec();
-        let lens = Intrinsics {
-            width,
-            height,
-            fx,
-            fy,
-            // From the corner of the image to the centre of its first pixel.
-            cx: cx.unwrap_or(w / 2.0) - 0.5,
-            cy: cy.unwrap_or(h / 2.0) - 0.5,
-            distortion: if distortion.iter().all(|&k| k == 0.0) { Vec::new() } else { distortion },
-        };
-        lens.fault().map_or(Ok(lens), Err)
+        self.light_index.add(position, label);
+        self.lights.push(Light { label, pose });
+        self.light_files.push(file.to_owned());
+        label
     }
 }

@@ -44,7 +44,7 @@ fn share(count: usize, share: f64) -> usize {
 
 /// Draws a capture's splits. Where cameras meet lights in a grid, whole cameras and lights are held out as in ReNe:
 /// `hard` stays empty with fewer than 5 lights, and with one camera there is no test at all. Where each light is used
-/// once there are no lights to hold out: a share of the frames is `easy`.
+/// once there are no lights to hold out: a share of the frames is the test, `hard` since training has not seen their lights.
 pub(super) fn draw(scene: &Scene) -> Splits {
     let mut random = Draws::new();
     let is_grid = scene.frames.len() > scene.lights.len();
@@ -76,7 +76,7 @@ pub(super) fn draw(scene: &Scene) -> Splits {
         val.insert(camera, random.take(&mut under, VAL_LIGHTS).into_iter().collect());
     }
     let held_out = HeldOut { test_cameras: test_cameras.into_iter().collect(), test_lights, val };
-    with_validation(by_held_out(scene, &held_out))
+    with_validation(by_held_out(scene, &held_out)).told_by_light(scene)
 }
 
 /// Where there are no validation frames, takes a few out of the training ones.

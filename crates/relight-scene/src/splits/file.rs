@@ -1,6 +1,9 @@
-//! `splits.json`: `{"format": "relight-splits", "version": 1, "train": [[camera, light], …], "val": …}` by label.
+//! `splits.json`: `{"format": "relight-splits", "version": 1, "train": [[camera, light], …], "val": …}` by label. Where
+//! labels are the order of frames in a file (`transforms.json`), entries are `[camera, light, "image"]`, so that they cannot come
+//! to mean others.
 
 use std::collections::HashMap;
+use std::io::Write;
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
@@ -8,14 +11,21 @@ use serde::{Deserialize, Serialize};
 use super::{Split, Splits};
 use crate::error::{FaultKind, SceneError};
 use crate::files;
-use crate::scene::Scene;
+use crate::scene::{Layout, Scene};
 
 const FORMAT: &str = "relight-splits";
 const VERSION: u64 = 1;
 const LONGEST: u64 = 1 << 26;
 
-/// Pairs of a camera's and a light's label.
-type Pairs = Vec<(usize, usize)>;
+/// A frame: its camera's and its light's label, and its image where labels do not tell for sure.
+#[derive(Serialize, Deserialize)]
+#[serde(untagged)]
+enum Entry {
+    Named(usize, usize, String),
+    Numbered(usize, usize),
+}
+
+type Entries = Vec<Entry>;
 
 /// What every version states; other keys are skipped.
 #[derive(Deserialize)]
@@ -28,10 +38,10 @@ struct Version {
 struct File {
     format: String,
     version: u64,
-    train: Pairs,
-    val: Pairs,
-    easy: Pairs,
-    hard: Pairs,
+    train: Entries,
+    val: Entries,
+    easy: Entries,
+    hard: Entries,
 }
 
 pub(super) fn path(scene: &Scene) -> PathBuf {
@@ -72,13 +82,24 @@ pub(super) fn read(scene: &Scene) -> Result<Option<Splits>, SceneError> {
         (Split::Easy, file.easy),
         (Split::Hard, file.hard),
     ];
-    for (split, pairs) in parts {
-        for (camera, light) in pairs {
+    for (split, entries) in parts {
+        for entry in entries {
+            let (camera, light, image) = match entry {
+                Entry::Named(camera, light, image) => (camera, light, Some(image)),
+                Entry::Numbered(camera, light) => (camera, light, None),
+            };
             let frame = frames.remove(&(camera, light)).ok_or_else(|| {
                 let problem =
                     format!("camera {camera} under light {light} is named twice or is not in the scene");
                 fault(FaultKind::Inconsistent, problem)
             })?;
+            if let Some(image) = image.filter(|image| *image != name(scene, frame)) {
+                let problem = format!(
+                    "camera {camera} under light {light} was {image} and is {}: frames were added or reordered",
+                    name(scene, frame)
+                );
+                return Err(fault(FaultKind::Inconsistent, problem));
+            }
             splits.get_mut(split).push(frame);
         }
         splits.get_mut(split).sort_unstable();
@@ -86,24 +107,36 @@ pub(super) fn read(scene: &Scene) -> Result<Option<Splits>, SceneError> {
     Ok(Some(splits))
 }
 
+/// A frame's image, relative to the scene.
+fn name(scene: &Scene, frame: usize) -> String {
+    let path = &scene.frames[frame].path;
+    path.strip_prefix(&scene.root).unwrap_or(path).display().to_string()
+}
+
 /// The bytes of the file.
 pub(super) fn bytes(scene: &Scene, splits: &Splits) -> Result<Vec<u8>, SceneError> {
     let labels: Vec<(usize, usize)> = labels(scene).collect();
-    let pairs = |split| splits.get(split).iter().map(|&frame| labels[frame]).collect();
+    let entry = |frame: usize| match (labels[frame], scene.layout) {
+        ((camera, light), Layout::Rene) => Entry::Numbered(camera, light),
+        ((camera, light), Layout::Transforms) => Entry::Named(camera, light, name(scene, frame)),
+    };
+    let entries = |split| splits.get(split).iter().map(|&frame| entry(frame)).collect();
     let file = File {
         format: FORMAT.to_owned(),
         version: VERSION,
-        train: pairs(Split::Train),
-        val: pairs(Split::Val),
-        easy: pairs(Split::Easy),
-        hard: pairs(Split::Hard),
+        train: entries(Split::Train),
+        val: entries(Split::Val),
+        easy: entries(Split::Easy),
+        hard: entries(Split::Hard),
     };
     serde_json::to_vec(&file).map_err(|error| SceneError::io(&path(scene), "be written", &error.into()))
 }
 
 /// Writes the file.
 pub(super) fn write(scene: &Scene, splits: &Splits) -> Result<(), SceneError> {
-    files::write(&path(scene), &bytes(scene, splits)?)
+    let (path, bytes) = (path(scene), bytes(scene, splits)?);
+    files::write_whole(&path, |file| file.write_all(&bytes))
+        .map_err(|error| SceneError::io(&path, "be written", &error))
 }
 
 /// Each frame's camera and light label.

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use tempfile::TempDir;
 
 use super::{Rig, SMALL, fault, image_path, replace};
-use crate::{FaultKind, Frame, Image, Scene, Split, Splits, check};
+use crate::{FaultKind, Frame, Image, Scene, Severity, Split, Splits, check};
 
 fn pairs(scene: &Scene, frames: &[usize]) -> Vec<(usize, usize)> {
     frames.iter().map(|&frame| (scene.frames[frame].camera, scene.frames[frame].light)).collect()
@@ -187,6 +187,24 @@ fn unknown_and_broken_split_files_are_refused_by_name() {
         assert_eq!((fault.kind, &fault.path), (kind, &path));
         assert!(fault.mend.contains("emove"));
     }
+}
+
+#[test]
+fn images_that_came_later_are_told_of() {
+    let folder = TempDir::new().unwrap();
+    let small = Rig { views: 10, lights: 7, ..SMALL };
+    small.write_to(folder.path());
+    let told = || {
+        let faults = check(folder.path(), &|_, _| {}).faults;
+        faults.into_iter().find(|fault| fault.problem.contains("stand in no split"))
+    };
+    assert_eq!(told(), None, "nothing is drawn yet");
+    Splits::of(&Scene::open(folder.path()).unwrap()).unwrap();
+    assert_eq!(told(), None);
+    Rig { lights: 8, ..small }.write_to(folder.path());
+    let fault = told().unwrap();
+    assert_eq!((fault.severity, &fault.path), (Severity::Warning, &folder.path().join("splits.json")));
+    assert!(fault.problem.starts_with("10 images") && fault.mend.contains("Remove"), "{fault}");
 }
 
 #[test]
