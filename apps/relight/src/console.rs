@@ -7,7 +7,7 @@ use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{FormattedDuration, ProgressBar, ProgressStyle};
 use serde::Serialize;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
@@ -57,6 +57,7 @@ pub fn print_line(line: &str) -> anyhow::Result<()> {
 pub struct Progress {
     bar: Option<ProgressBar>,
     name: &'static str,
+    started: Instant,
     /// When the last plain line was written; `None` for silence.
     line: Option<Mutex<Instant>>,
 }
@@ -75,7 +76,7 @@ impl Progress {
             bar
         });
         let line = (!terminal && !quiet).then(|| Mutex::new(Instant::now()));
-        Self { bar, name, line }
+        Self { bar, name, started: Instant::now(), line }
     }
 
     /// Tells that `done` of `length` is done.
@@ -88,8 +89,23 @@ impl Progress {
             && last.elapsed() >= LINE_EVERY
         {
             *last = Instant::now();
-            eprintln!("{}: {}% {}", self.name, 100 * done / length.max(1), message());
+            let (percent, left) = (100 * done / length.max(1), self.left(done, length));
+            eprintln!("{}: {percent}% {left} left  {}", self.name, message());
         }
+    }
+
+    /// Tells that `done` of `all` things, `what` by name, are done, and how many a second.
+    pub fn count(&self, done: usize, all: usize, what: &str) {
+        self.update(done as u64, all as u64, || {
+            let rate = done as f64 / self.started.elapsed().as_secs_f64().max(1e-3);
+            format!("{done} of {all} {what}, {rate:.1}/s")
+        });
+    }
+
+    /// Time left if it goes on as it went.
+    fn left(&self, done: u64, length: u64) -> FormattedDuration {
+        let share_left = length.saturating_sub(done) as f64 / done.max(1) as f64;
+        FormattedDuration(Duration::from_secs(self.started.elapsed().mul_f64(share_left).as_secs()))
     }
 
     /// Writes a line that stays.

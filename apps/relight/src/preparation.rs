@@ -127,7 +127,10 @@ impl Prepared {
                     },
                     self.seconds
                 ),
-                None => tracing::info!("too few views and lights for stereo"),
+                None => tracing::warn!(
+                    "stereo found no surfaces to start from: it matches views by the lights that they share, and these are too \
+                     few, or show nothing in common; training starts in the fog, and may stay there for long"
+                ),
             }
             self.depths = found.map(|(prior, _)| prior);
         }
@@ -178,7 +181,7 @@ fn load_pixels(scene: &Scene, splits: &Splits, quiet: bool) -> anyhow::Result<Pi
     let cancel = cancel_flag()?;
     let bar = Progress::new("loading", splits.train.len() as u64, quiet);
     let pixels = PixelStore::load(scene, &splits.train, &|done, all| {
-        bar.update(done as u64, all as u64, || format!("{done} of {all} images"));
+        bar.count(done, all, "images");
         unless(cancel)
     })?;
     bar.finish(&format!("{}: {} training images", scene.name, splits.train.len()));

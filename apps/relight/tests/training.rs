@@ -130,6 +130,29 @@ mod stopping {
     }
 }
 
+/// The published recipe at a smaller size: colour at every sample, one light a ray, samples in two passes, and nothing but photographs
+/// to start from.
+#[test]
+fn the_papers_recipe_learns() {
+    let recipe = "rays-per-step = 512\nepoch = 100\nreport-every = 100\n\
+        [sampling.stratified]\ncoarse = 24\nfine = 24\n\
+        [grid]\nlevels = 8\nfeatures = 2\nlog2_table = 14\nbase = 8\nfinest = 128\n";
+    let shop = Workshop::with([12, 8], [32, 24], recipe);
+    shop.succeed("train scene --out run --preset paper --recipe recipe.toml --steps 300");
+    let config = std::fs::read_to_string(shop.path("run/config.toml")).unwrap();
+    assert!(config.contains("preset = \"paper\"") && config.contains("shading = \"per-sample\""), "{config}");
+    let scores = shop.json("eval run --json");
+    let (own, mean) = (&scores["psnr"], &scores["baselines"]["mean-image"]["psnr"]);
+    assert!(own.as_f64().unwrap() > mean.as_f64().unwrap() + 1.0, "{scores}");
+    shop.succeed("render run --camera 0 --light 0 --out view.png");
+    assert!(shop.path("view.png").exists());
+    // The same recipe continues the run, another does not.
+    let resume = "train scene --out run --resume --recipe recipe.toml --steps 310";
+    shop.succeed(resume);
+    std::fs::write(shop.path("recipe.toml"), recipe.replace("512", "256")).unwrap();
+    assert!(shop.fail(resume, 1).contains("recipe"), "another recipe");
+}
+
 #[test]
 fn without_a_budget_training_ends_when_validation_stops_improving() {
     let recipe = format!("horizon = 15\npatience = 2\nimprovement = 1000.0\n{TINY}");

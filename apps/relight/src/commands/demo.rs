@@ -155,7 +155,7 @@ fn shoot(folder: &Path, quiet: bool) -> anyhow::Result<()> {
     let cancel = cancel_flag()?;
     let bar = Progress::new("shooting", (VIEWS * LIGHTS) as u64, quiet);
     let ending = capture.shoot(folder, false, &mut |session::Progress { done, total, .. }| {
-        bar.update(done as u64, total as u64, || format!("{done} of {total} photographs"));
+        bar.count(done, total, "photographs");
         unless(cancel)
     });
     bar.clear();

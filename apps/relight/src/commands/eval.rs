@@ -62,7 +62,7 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let cancel = cancel_flag()?;
     let bar = Progress::new("averaging", splits.train.len() as u64, quiet);
     let mean = mean_image(&scene, &splits.train, &|done, all| {
-        bar.update(done as u64, all as u64, || format!("{done} of {all} training images"));
+        bar.count(done, all, "training images");
         unless(cancel)
     })?;
     bar.clear();
@@ -70,7 +70,7 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let (mean, model) = (mean.as_ref(), &config.model);
     let result = evaluate(&scene, &splits, args.split, mean, model, engine.as_ref(), &mut |drawn| {
         let Drawn { done, all, .. } = drawn;
-        bar.update(done as u64, all as u64, || format!("{done} of {all} images"));
+        bar.count(done, all, "images");
         if let Some(folder) = &args.images {
             let frame = &scene.frames[drawn.frame];
             let (light, camera) = (scene.lights[frame.light].label, scene.cameras[frame.camera].label);

@@ -116,7 +116,7 @@ fn describe(info: &SceneInfo) -> String {
 fn run_check(args: &Check, quiet: bool) -> anyhow::Result<()> {
     let bar = Progress::new("checking", 1, quiet);
     let report = check(&args.scene, &|done, all| {
-        bar.update(done as u64, all as u64, || format!("{done} of {all} images"));
+        bar.count(done, all, "images");
     });
     bar.clear();
     for fault in &report.faults {

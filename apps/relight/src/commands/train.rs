@@ -47,7 +47,7 @@ pub struct Args {
     #[arg(long, value_parser = presets())]
     preset: Option<Preset>,
     /// Settings to use instead of the preset's: a TOML file as in config.toml's [recipe].
-    #[arg(long, value_name = "FILE.toml", conflicts_with = "resume")]
+    #[arg(long, value_name = "FILE.toml")]
     recipe: Option<PathBuf>,
     /// Steps to train for.
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
@@ -216,6 +216,15 @@ fn check_same(args: &Args, config: &RunConfig) -> anyhow::Result<()> {
     }
     if args.preset.is_some_and(|p| p.name() != config.preset) {
         return Err(differs("preset", &config.preset));
+    }
+    if args.recipe.is_some() {
+        let preset = config.preset.parse().unwrap_or(Preset::Fast);
+        let mut asked = recipe(preset, args.recipe.as_deref(), &config.model)?;
+        // Found from the images where the recipe leaves it open.
+        asked.grid = asked.grid.or(config.recipe.grid.clone());
+        if asked != config.recipe {
+            return Err(differs("a recipe of its own, in its", &"config.toml"));
+        }
     }
     if args.seed.is_some_and(|s| s != config.seed) {
         return Err(differs("seed", &config.seed));

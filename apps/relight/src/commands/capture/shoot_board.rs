@@ -92,7 +92,7 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let mut photographs = 0;
     let complete = capture.shoot(&args.out, args.resume, &mut |done, total| {
         photographs = total;
-        bar.update(done as u64, total as u64, || format!("{done} of {total} photographs"));
+        bar.count(done, total, "photographs");
         unless(cancel)
     })?;
     bar.clear();

@@ -229,8 +229,7 @@ async fn run_on(command: &Command, folder: &DataFolder, store: &Store, quiet: bo
             let bar = Progress::new("checking", 0, quiet);
             let cancel = cancel_flag()?;
             let scenes = add_benchmark(store, name, folder, &mut |progress| {
-                let (done, all) = (progress.done as u64, progress.all as u64);
-                bar.update(done, all, || format!("{done} of {all} test images"));
+                bar.count(progress.done, progress.all, "test images");
                 unless(cancel)
             })
             .await?;

@@ -82,8 +82,7 @@ pub(super) fn checked(zip: &Path, scenes: &Path, quiet: bool) -> anyhow::Result<
     let cancel = cancel_flag()?;
     let bar = Progress::new("checking", 0, quiet);
     let submission = check(zip, &benchmark, &Limits::default(), &mut |progress| {
-        let (done, all) = (progress.done as u64, progress.all as u64);
-        bar.update(done, all, || format!("{done} of {all} images"));
+        bar.count(progress.done, progress.all, "images");
         unless(cancel)
     });
     bar.clear();

@@ -119,7 +119,7 @@ fn render_all(args: &Args, kept: &Path, quiet: bool) -> anyhow::Result<BTreeMap<
     let (mut parts, mut all) = (Vec::new(), 0);
     for path in &args.runs {
         let part = asked(args, path)?;
-        all += part.images.len() as u64;
+        all += part.images.len();
         if let Some(other) = scenes.insert(part.scene.name.clone(), path) {
             bail!(
                 "{} and {} are both runs of {}: give one",
@@ -131,7 +131,7 @@ fn render_all(args: &Args, kept: &Path, quiet: bool) -> anyhow::Result<BTreeMap<
         parts.push(part);
     }
     let cancel = cancel_flag()?;
-    let bar = Progress::new("drawing", all, quiet);
+    let bar = Progress::new("drawing", all as u64, quiet);
     let (mut done, mut pictures) = (0, BTreeMap::new());
     for part in &parts {
         let (engine, folder) = ready(part, kept)?;
@@ -145,7 +145,7 @@ fn render_all(args: &Args, kept: &Path, quiet: bool) -> anyhow::Result<BTreeMap<
                 picture.write_png(&file)?;
             }
             done += 1;
-            bar.update(done, all, || format!("{done} of {all} images"));
+            bar.count(done, all, "images");
             pictures.insert(image.entry.clone(), file);
         }
     }
