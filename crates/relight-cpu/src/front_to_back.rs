@@ -3,18 +3,23 @@
 //! Where shading is deferred, all that the samples leave behind are sums: features, depth, and how much light still
 //! passes; and the features of the last sample, where the ray gets there. So a ray that has met a surface needs no more samples (early ray termination, Levoy 1990).
 
+use std::ops::Range;
+
+use fearless_simd::{Level, Simd, dispatch};
 use relight_field::engine::Rays;
 
 use crate::deferred::NEGLIGIBLE;
-use crate::dense::padded;
+use crate::exponential::exponentials;
 use crate::hash_grid::{TiledPositions, set_position};
 use crate::march::along;
 use crate::samples::{Marcher, SampleBatch};
+use crate::tile::Workspace;
 
 /// Samples of a ray that are evaluated together.
 const TOGETHER: usize = 4;
-/// Rays whose samples make a tile.
+/// Rays whose samples make a tile: some vectors full.
 const TILE_RAYS: usize = 48;
+
 /// What a block of rays has met so far; memory that is reused from block to block.
 #[derive(Default)]
 pub struct FrontToBack {
@@ -63,26 +68,23 @@ impl FrontToBack {
         }
     }
 
-    /// Looks up the features of some samples of all rays that go on.
-    fn encode(
-        &mut self,
-        marcher: &Marcher<'_>,
-        rays: &Rays,
-        batch: &SampleBatch,
-        samples: std::ops::Range<usize>,
-    ) {
-        let columns = padded(TILE_RAYS * samples.len());
+    /// Looks up the features of some samples of all rays that go on. Sample `s` of the tile's ray `r` is column
+    /// `s * TILE_RAYS + r`: neighbouring columns are neighbouring rays equally far along, which often share a cell of the hash
+    /// grid.
+    fn encode(&mut self, marcher: &Marcher<'_>, rays: &Rays, batch: &SampleBatch, samples: Range<usize>) {
+        let columns = TILE_RAYS * samples.len();
         let tiles = self.going.len().div_ceil(TILE_RAYS);
         self.positions.clear();
         self.positions.resize(tiles * 3 * columns, 0.5);
         self.encoded.resize(tiles * marcher.networks.features * columns, 0.0);
         let tiles = self.positions.chunks_exact_mut(3 * columns).zip(self.going.chunks(TILE_RAYS));
         for (positions, going) in tiles {
-            let places = going.iter().flat_map(|&ray| samples.clone().map(move |sample| (ray, sample)));
-            for (column, (ray, sample)) in places.enumerate() {
-                let t = batch.t[batch.column_of(ray, sample)];
-                let unit = marcher.cube.map(along(rays.origins[ray], rays.directions[ray], t));
-                set_position(positions, column, unit);
+            for (r, &ray) in going.iter().enumerate() {
+                for (s, sample) in samples.clone().enumerate() {
+                    let t = batch.t[batch.column_of(ray, sample)];
+                    let unit = marcher.cube.map(along(rays.origins[ray], rays.directions[ray], t));
+                    set_position(positions, s * TILE_RAYS + r, unit);
+                }
             }
         }
         let positions = TiledPositions { data: &self.positions, columns };
@@ -90,26 +92,29 @@ impl FrontToBack {
     }
 
     /// Adds what those samples show.
-    fn accumulate(
-        &mut self,
-        marcher: &Marcher<'_>,
-        n: usize,
-        batch: &SampleBatch,
-        samples: std::ops::Range<usize>,
-    ) {
-        let (networks, together) = (marcher.networks, samples.len());
-        let columns = padded(TILE_RAYS * together);
-        marcher.workspaces.with(Default::default, |workspace| {
+    fn accumulate(&mut self, marcher: &Marcher<'_>, n: usize, batch: &SampleBatch, samples: Range<usize>) {
+        let networks = marcher.networks;
+        let columns = TILE_RAYS * samples.len();
+        let is_last = samples.end == batch.samples;
+        marcher.workspaces.with(Workspace::default, |workspace| {
             let tiles = self.encoded.chunks_exact(networks.features * columns);
             for (encoded, going) in tiles.zip(self.going.chunks(TILE_RAYS)) {
                 workspace.densities(marcher.simd, networks, encoded, columns);
                 self.weights.clear();
+                self.weights.resize(columns, 0.0);
                 for (r, &ray) in going.iter().enumerate() {
                     for (s, sample) in samples.clone().enumerate() {
-                        let place = batch.column_of(ray, sample);
-                        let before = self.transmittance[ray];
-                        let optical = workspace.density[r * together + s] * batch.lengths[place];
-                        let mut after = before * (-optical).exp();
+                        let column = s * TILE_RAYS + r;
+                        self.weights[column] =
+                            -workspace.density[column] * batch.lengths[batch.column_of(ray, sample)];
+                    }
+                }
+                exponentials(marcher.simd, &mut self.weights);
+                for (r, &ray) in going.iter().enumerate() {
+                    for (s, sample) in samples.clone().enumerate() {
+                        let (weight, before) =
+                            (&mut self.weights[s * TILE_RAYS + r], self.transmittance[ray]);
+                        let mut after = before * *weight;
                         if sample + 1 == batch.samples {
                             // It stands for all that lies beyond.
                             after = before;
@@ -117,29 +122,48 @@ impl FrontToBack {
                             // The ray is at its end, and this sample takes the rest.
                             after = 0.0;
                         }
-                        self.weights.push(before - after);
-                        self.depths[ray] += (before - after) * batch.t[place];
+                        *weight = before - after;
+                        self.depths[ray] += *weight * batch.t[batch.column_of(ray, sample)];
                         self.transmittance[ray] = after;
                     }
                 }
                 let rows = || {
                     encoded.chunks_exact(columns).chain(workspace.embeddings(columns).chunks_exact(columns))
                 };
-                if samples.end == batch.samples {
+                if is_last {
                     for (r, &ray) in going.iter().enumerate() {
                         if self.transmittance[ray] > 0.0 {
                             self.faces.push(ray);
-                            self.face_features.extend(rows().map(|row| row[(r + 1) * together - 1]));
+                            self.face_features.extend(rows().map(|row| row[columns - TILE_RAYS + r]));
                         }
                     }
                 }
-                for (row, sums) in rows().zip(self.features.chunks_exact_mut(n)) {
-                    let terms = row.chunks_exact(together).zip(self.weights.chunks_exact(together));
-                    for (&ray, (values, weights)) in going.iter().zip(terms) {
-                        sums[ray] += values.iter().zip(weights).map(|(v, w)| v * w).sum::<f32>();
-                    }
-                }
+                add_up(marcher.simd, rows().zip(self.features.chunks_exact_mut(n)), &self.weights, going);
             }
         });
     }
+}
+
+/// Adds the weighted sums over samples of each row of a tile to those of its rays, `going`, in the row beside it.
+fn add_up<'a>(
+    simd: Level,
+    rows: impl Iterator<Item = (&'a [f32], &'a mut [f32])>,
+    weights: &[f32],
+    going: &[usize],
+) {
+    dispatch!(simd, simd => simd.vectorize(
+        #[inline(always)]
+        || {
+            for (row, sums) in rows {
+                let mut terms = [0.0; TILE_RAYS];
+                let samples = row.as_chunks::<TILE_RAYS>().0.iter().zip(weights.as_chunks::<TILE_RAYS>().0);
+                for (values, weights) in samples {
+                    for r in 0..TILE_RAYS {
+                        terms[r] += values[r] * weights[r];
+                    }
+                }
+                going.iter().zip(terms).for_each(|(&ray, term)| sums[ray] += term);
+            }
+        },
+    ));
 }

@@ -11,6 +11,7 @@
 
 pub mod adam;
 pub mod aligned;
+pub mod bundle;
 pub mod composite;
 pub mod deferred;
 pub mod dense;
