@@ -55,8 +55,8 @@ fn shading_every_sample() {
 fn shading_deferred() {
     for (name, architecture) in VARIANTS {
         let distance = if architecture.light == LightInput::Direction { 1e8 } else { 1.0 };
-        // Rays that show what is inside the box and beyond, and rays that show only what is inside.
-        for density_scale in [3.0, 100.0] {
+        // Rays that show what is inside the box and beyond, only what is inside, and only what lies beyond.
+        for density_scale in [3.0, 100.0, 1e-6] {
             let config = FieldConfig { density_scale, ..config(architecture) };
             let field = Field::new(&trained(config, 3)).unwrap();
             check(name, Shading::Deferred, field, &batch(3, 2, distance), &settings(0.0, 0.0));
@@ -68,6 +68,9 @@ fn shading_deferred() {
 fn penalties_on_the_weights() {
     let (name, architecture) = VARIANTS[0];
     let field = Field::new(&trained(config(architecture), 3)).unwrap();
-    check(name, Shading::PerSample, field.clone(), &batch(3, 2, 1.0), &settings(0.3, 0.0));
-    check(name, Shading::PerSample, field, &batch(3, 2, 1.0), &settings(0.0, 0.3));
+    for shading in [Shading::PerSample, Shading::Deferred] {
+        for penalties in [settings(0.3, 0.0), settings(0.0, 0.3)] {
+            check(name, shading, field.clone(), &batch(3, 2, 1.0), &penalties);
+        }
+    }
 }
