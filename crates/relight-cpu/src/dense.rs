@@ -33,9 +33,9 @@ pub enum Store<'a> {
 /// What a product is added to: rows that its columns go through again and again.
 #[derive(Clone, Copy)]
 pub struct Base<'a> {
-    /// As many rows as the product has; see [`repeat_rows`].
+    /// `[outputs][stride(period)]`, as [`repeat_rows`] makes it.
     pub data: &'a [f32],
-    /// Numbers of a row before it begins again.
+    /// Numbers of a row before it begins again, above 0.
     pub period: usize,
 }
 
@@ -323,8 +323,10 @@ fn lane_sums<S: Simd>(vectors: &mut [S::f32s], totals: &mut [f32]) {
     }
 }
 
-/// Rows of `period` numbers, read from rows of [`padded`] length, as a [`Base`] has them: each goes on with its beginning.
+/// Rows of `period` numbers (above 0), `[n][padded(period)]`, as a [`Base`] has them, `[n][stride(period)]`: each goes on with its
+/// beginning.
 pub fn repeat_rows(rows: &[f32], period: usize, base: &mut [f32]) {
+    debug_assert!(period > 0);
     let sources = rows.chunks_exact(padded(period));
     for (source, target) in sources.zip(base.chunks_exact_mut(Base::stride(period))) {
         target[..period].copy_from_slice(&source[..period]);
@@ -334,9 +336,10 @@ pub fn repeat_rows(rows: &[f32], period: usize, base: &mut [f32]) {
     }
 }
 
-/// `sums[m][c] = sum_i y[m][i * period + c]`: each row of `columns` numbers, all its parts of `period` added up. Rows of
-/// sums are of [`padded`] length, filled up with zeros.
+/// `sums[m][c] = sum_i y[m][i * period + c]` of `y`, `[n][columns]`: all parts of `period` (above 0) of each row added up. What
+/// fills `y` up behind its last part must be zero. `sums` is `[n][padded(period)]`, filled up with zeros.
 pub fn add_turns(level: Level, y: &[f32], columns: usize, period: usize, sums: &mut [f32]) {
+    debug_assert!(period > 0);
     dispatch!(level, simd => simd.vectorize(
         #[inline(always)]
         || {

@@ -9,6 +9,7 @@ use fearless_simd::{Level, Simd, dispatch};
 use relight_field::engine::Rays;
 
 use crate::deferred::NEGLIGIBLE;
+use crate::dense::COLUMN_ALIGN;
 use crate::exponential::exponentials;
 use crate::hash_grid::{TiledPositions, set_position};
 use crate::march::along;
@@ -17,8 +18,9 @@ use crate::tile::Workspace;
 
 /// Samples of a ray that are evaluated together.
 const TOGETHER: usize = 4;
-/// Rays whose samples make a tile: some vectors full.
+/// Rays whose samples make a tile: whole vectors of rays.
 const TILE_RAYS: usize = 48;
+const _: () = assert!(TILE_RAYS.is_multiple_of(COLUMN_ALIGN));
 
 /// What a block of rays has met so far; memory that is reused from block to block.
 #[derive(Default)]

@@ -6,12 +6,11 @@
 //! as far as [`experience`] bears them out), [`roulette`] thins the gradients, [`hash_grid`] and [`adam`] optimise,
 //! [`density_grid`] learns where to march. Threads share out lanes of some tiles each, and a lane goes through all of it up to
 //! the optimisers by itself. Every result is the same for any number of threads. Pictures are
-//! drawn front to back (`draw`, `front_to_back`). [`stages`] counts what each phase takes, and [`limits`] measures what it
+//! drawn front to back (`draw`, `front_to_back`), in ray [`packet`]s. [`stages`] counts what each phase takes, and [`limits`] measures what it
 //! could; where memory is waited for, [`prefetch`] asks it ahead.
 
 pub mod adam;
 pub mod aligned;
-pub mod bundle;
 pub mod composite;
 pub mod deferred;
 pub mod dense;
@@ -28,6 +27,7 @@ pub mod limits;
 pub mod march;
 pub mod mlp;
 pub mod networks;
+pub mod packet;
 pub mod pool;
 pub mod prefetch;
 pub mod probes;

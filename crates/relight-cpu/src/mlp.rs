@@ -161,7 +161,7 @@ impl Mlp {
                 let (x, y) = (&tape.shared[i], &mut tape.of_points);
                 let shape = (shared, layer.outputs, padded(points));
                 multiply(level, matrix(shared_a), x, y, shape, None, Store::Set);
-                repeat_rows(y, points, &mut tape.repeated);
+                repeat_rows(&y[..shape.1 * shape.2], points, &mut tape.repeated);
                 Some(Base { data: &tape.repeated, period: points })
             } else {
                 None

@@ -7,12 +7,12 @@ use relight_field::engine::{Rays, StageCost};
 use relight_field::random::Random;
 use relight_field::sampling::Sampling;
 
-use crate::bundle::Bundle;
 use crate::dense::padded;
 use crate::density_grid::DensityGrid;
 use crate::hash_grid::{HashGrid, TiledPositions, set_position};
 use crate::march::{self, UnitCube, along};
 use crate::networks::Networks;
+use crate::packet::Packet;
 use crate::pool::Pool;
 use crate::tile::{TileRays, Workspace};
 
@@ -70,7 +70,7 @@ pub struct SampleBatch {
     pub marched: StageCost,
     /// See `marched`.
     pub encoded: StageCost,
-    bundle: Bundle,
+    packet: Packet,
 }
 
 impl SampleBatch {
@@ -102,12 +102,12 @@ impl SampleBatch {
             Sampling::Guided { samples } => {
                 self.shape(rays, tile_rays, samples);
                 let (shape, places) = ((tile_rays, samples), (&mut self.t[..], &mut self.lengths[..]));
-                self.bundle.clear();
+                self.packet.clear();
                 place_each(&marcher.cube, rays, shape, places, |ray, span, t| {
                     let draw = |k| jitter.at(ray, k);
                     let draw: Option<&dyn Fn(usize) -> f32> = jitter.0.is_some().then_some(&draw);
                     let along = (rays.origins[ray], rays.directions[ray]);
-                    self.bundle.place(marcher.density, &marcher.cube, along, span, draw, t);
+                    self.packet.place(marcher.density, &marcher.cube, along, span, draw, t);
                 });
             }
             Sampling::Stratified { coarse, fine } => {

@@ -102,7 +102,7 @@ impl CpuEngine {
     fn tile_rays(&self, pairs: usize) -> usize {
         let samples = self.config.sampling.samples();
         match self.config.shading {
-            // The first points of a light fill whole vectors; one second point in a tile costs another.
+            // What the lights of a point share fills whole vectors.
             Shading::Deferred => (TILE_COLUMNS / samples.max(pairs)).next_multiple_of(COLUMN_ALIGN),
             Shading::PerSample => (TILE_COLUMNS / samples.max(samples * pairs / 2)).max(1),
         }

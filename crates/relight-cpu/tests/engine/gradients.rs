@@ -190,17 +190,26 @@ fn clear_and_opaque_fields_give_the_same() {
     }
 }
 
+/// Samples of a ray of [`SAMPLING`].
+const SAMPLES: usize = 12;
+
+/// The densities and weights of a tile of 10 rays.
+fn look(parameters: &Parameters) -> Workspace {
+    let (parts, batch) = (Parts::new(parameters), batch(10, 3));
+    let (marcher, mut samples) = (parts.marcher(Level::new()), SampleBatch::default());
+    samples.fill(&marcher, &batch.rays, SAMPLING, 10, Jitter(Some(Random::new(1, 2))));
+    let mut workspace = Workspace::default();
+    workspace.look(marcher.simd, &parts.networks, &samples.tile(&marcher, &batch.rays, 0));
+    workspace
+}
+
 /// A tile of rays that end in front of the face, show it alone, and show it through what they meet.
 #[test]
 fn rays_of_all_kinds_share_a_tile() {
     let mut parameters = field(V5);
     parameters.config.density_scale = 8.0;
-    let (parts, batch) = (Parts::new(&parameters), batch(10, 3));
-    let (marcher, mut samples) = (parts.marcher(Level::new()), SampleBatch::default());
-    samples.fill(&marcher, &batch.rays, SAMPLING, 10, Jitter(Some(Random::new(1, 2))));
-    let mut workspace = Workspace::default();
-    workspace.look(marcher.simd, &parts.networks, &samples.tile(&marcher, &batch.rays, 0));
-    let beyond: Vec<f32> = (1..=10).map(|r| workspace.weights[r * samples.samples - 1]).collect();
+    let weights = look(&parameters).weights;
+    let beyond: Vec<f32> = (1..=10).map(|r| weights[r * SAMPLES - 1]).collect();
     assert!(beyond.iter().any(|&w| w < NEGLIGIBLE) && beyond.iter().any(|&w| 1.0 - w < NEGLIGIBLE));
     assert!(beyond.iter().any(|&w| (0.01..0.99).contains(&w)), "{beyond:?}");
     compare("all kinds", &parameters, Shading::Deferred, 3, Level::new(), 10);
@@ -214,14 +223,10 @@ fn logits_beyond_the_derivatives_limit_give_the_same() {
     let layer = parameters.geo.layers.last_mut().unwrap();
     layer.weight[..layer.inputs].fill(-7.0);
     parameters.config.density_scale = 3e6;
-    let (parts, batch) = (Parts::new(&parameters), batch(10, 3));
-    let (marcher, mut samples) = (parts.marcher(Level::new()), SampleBatch::default());
-    samples.fill(&marcher, &batch.rays, SAMPLING, 10, Jitter(Some(Random::new(1, 2))));
-    let mut workspace = Workspace::default();
-    workspace.look(marcher.simd, &parts.networks, &samples.tile(&marcher, &batch.rays, 0));
-    let logits: Vec<f32> = workspace.density[..120].iter().map(|d| (d / 3e6).ln()).collect();
-    let [below, above] = [|l: &&f32| **l < -15.5, |l: &&f32| **l > -14.5]
-        .map(|p: fn(&&f32) -> bool| logits.iter().filter(p).count());
+    let density = look(&parameters).density;
+    let logits: Vec<f32> = density[..10 * SAMPLES].iter().map(|d| (d / 3e6).ln()).collect();
+    let below = logits.iter().filter(|&&logit| logit < -15.5).count();
+    let above = logits.iter().filter(|&&logit| logit > -14.5).count();
     assert!(below > 20 && above > 20, "{logits:?}");
     compare("logits beyond the limit", &parameters, Shading::Deferred, 3, Level::new(), 10);
 }
