@@ -96,6 +96,17 @@ impl Intrinsics {
         }
     }
 
+    /// Whether another lens is this one but for rounding.
+    pub(crate) fn is_nearly(&self, other: &Intrinsics) -> bool {
+        let numbers = |lens: &Intrinsics| {
+            [lens.fx, lens.fy, lens.cx, lens.cy].into_iter().chain(lens.distortion.clone())
+        };
+        let is_near = |(a, b): (f64, f64)| (a - b).abs() <= 1e-6 * a.abs().max(1.0);
+        (self.width, self.height, self.distortion.len())
+            == (other.width, other.height, other.distortion.len())
+            && numbers(self).zip(numbers(other)).all(is_near)
+    }
+
     /// All numbers, bit by bit.
     pub(crate) fn bits(&self) -> Vec<u64> {
         let Intrinsics { width, height, fx, fy, cx, cy, distortion } = self;

@@ -59,7 +59,7 @@ fn check_images(scene: &Scene, progress: &(dyn Fn(usize, usize) + Sync), faults:
         check_black(scene, &splits, &is_black, faults);
         if splits.easy.is_empty() && splits.hard.is_empty() {
             let problem = "no view is held out for a test";
-            let mend = "Novel views can be scored where there are two views or more, and splits that keep one of them.";
+            let mend = "To score novel views, capture two or more, and hold one out in the splits.";
             faults.note(FaultKind::Split, &scene.root, problem, mend);
         }
     }

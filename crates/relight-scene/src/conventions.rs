@@ -4,6 +4,7 @@
 //! inverted, or their axes flipped, and not as they stand, then inverted or flipped is what they are.
 
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::path::PathBuf;
 
 use crate::camera::Camera;
@@ -39,8 +40,10 @@ const REMOTE: f64 = 1000.0;
 /// places it.
 pub(crate) fn check(scene: &Scene, camera_files: &[PathBuf], light_files: &[PathBuf], faults: &mut Faults) {
     let target = focus(&scene.cameras, &scene.lights);
-    check_copies("camera", scene.cameras.iter().map(|camera| &camera.pose), camera_files, faults);
-    check_copies("light", scene.lights.iter().map(|light| &light.pose), light_files, faults);
+    if scene.layout == Layout::Rene {
+        check_copies("camera", scene.cameras.iter().map(|camera| &camera.pose), camera_files, faults);
+        check_copies("light", scene.lights.iter().map(|light| &light.pose), light_files, faults);
+    }
     if check_all_cameras(scene, camera_files, faults) {
         let reach = reach(scene, target);
         // In another unit nothing tells how far is far.
@@ -61,21 +64,18 @@ fn check_copies<'a>(
     faults: &mut Faults,
 ) {
     let mut seen = HashMap::new();
-    let mut copies = Vec::new();
     for (pose, file) in poses.zip(files) {
-        let first: &PathBuf = seen.entry(pose.to_matrix().map(f64::to_bits)).or_insert(file);
-        if first != file {
-            copies.push((file, first));
+        match seen.entry(pose.to_matrix().map(f64::to_bits)) {
+            Entry::Vacant(place) => {
+                place.insert(file);
+            }
+            Entry::Occupied(first) => {
+                let problem = format!("the {what}'s pose is that of {}", first.get().display());
+                let mend =
+                    "Two of them never stand at the same place: put the right file in the place of the copy.";
+                faults.warning(FaultKind::Inconsistent, file, problem, mend);
+            }
         }
-    }
-    if let Some(&(file, first)) = copies.first() {
-        let others = match copies.len() - 1 {
-            0 => String::new(),
-            others => format!(", and so it is of {others} more"),
-        };
-        let problem = format!("the {what}'s pose is that of {}{others}", first.display());
-        let mend = "Two of them never stand at the same place: put the right file in the place of the copy.";
-        faults.warning(FaultKind::Inconsistent, file, problem, mend);
     }
 }
 

@@ -95,9 +95,6 @@ impl Splits {
     pub fn of(scene: &Scene) -> Result<Splits, SceneError> {
         if let Some(splits) = Splits::settled(scene)? {
             splits.check_training(scene)?;
-            if let Some(fault) = splits.left_out(scene) {
-                tracing::warn!("{fault}");
-            }
             return Ok(splits);
         }
         let splits = drawn::draw(scene);
@@ -130,15 +127,20 @@ impl Splits {
         }
         let (path, mend) = if is_of_file(scene) {
             (file::path(scene), "Remove the file to draw splits anew.")
+        } else if scene.declared.is_some() {
+            (
+                scene.root.clone(),
+                "List the training images in transforms_train.json, beside transforms_test.json.",
+            )
         } else {
             (scene.root.clone(), "Add images of cameras and under lights that are not held out for the test.")
         };
         Err(SceneError::fault(FaultKind::Split, &path, "leaves no image to train on", mend))
     }
 
-    /// What a `splits.json` leaves out because it was not there when the file was made: images of cameras, or under lights,
-    /// of which no split knows.
-    pub(crate) fn left_out(&self, scene: &Scene) -> Option<Fault> {
+    /// What a `splits.json` leaves out, perhaps because it was not there when the file was made: images of cameras, or under
+    /// lights, of which no split knows.
+    pub fn left_out(&self, scene: &Scene) -> Option<Fault> {
         if !is_of_file(scene) {
             return None;
         }

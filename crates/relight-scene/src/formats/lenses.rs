@@ -1,20 +1,24 @@
 //! Whether a lens can be that of its images.
 
-use std::path::Path;
-
 use crate::camera::Intrinsics;
-use crate::error::{FaultKind, Faults};
 
 /// Pixels by which a corner of the image may move when its distortion is undone and done again.
 const ROUND_TRIP: f64 = 0.5;
 
-/// Warns of what looks wrong about the lens that `path` states.
-pub(super) fn check(lens: &Intrinsics, path: &Path, faults: &mut Faults) {
+/// What looks wrong about a lens, and how to mend it.
+pub(super) fn odd(lens: &Intrinsics) -> Vec<(String, &'static str)> {
     let Intrinsics { width, height, cx, cy, .. } = lens;
-    if !(0.0..f64::from(*width)).contains(cx) || !(0.0..f64::from(*height)).contains(cy) {
-        let problem = format!("the principal point {cx}, {cy} lies outside the image of {width}x{height}");
-        let mend = "Check that the camera matrix and the image size (width, then height) belong to the same resolution.";
-        faults.warning(FaultKind::Lens, path, problem, mend);
+    let mut odd = Vec::new();
+    // Pixels reach half their width to both sides of their centres.
+    let is_inside = |c: f64, side: u32| (-0.5..f64::from(side) - 0.5).contains(&c);
+    if !is_inside(*cx, *width) || !is_inside(*cy, *height) {
+        let problem = format!(
+            "the principal point lies outside the image of {width}x{height}, at {cx}, {cy} from its first pixel's centre"
+        );
+        odd.push((
+            problem,
+            "Check that the lens and the image size (width, then height) belong to the same resolution.",
+        ));
     }
     let miss = lens.round_trip_error();
     if miss > ROUND_TRIP {
@@ -24,6 +28,7 @@ pub(super) fn check(lens: &Intrinsics, path: &Path, faults: &mut Faults) {
             format!("the lens distortion cannot be undone at the image's corners (off by {miss} pixels)");
         let mend =
             "Check the distortion coefficients (OpenCV's order is k1 k2 p1 p2 k3 …) or calibrate with fewer.";
-        faults.warning(FaultKind::Lens, path, problem, mend);
+        odd.push((problem, mend));
     }
+    odd
 }

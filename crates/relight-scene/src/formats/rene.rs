@@ -219,7 +219,9 @@ fn common_intrinsics(folders: &[LightFolder], faults: &mut Faults) -> Option<Int
             faults.error(FaultKind::Inconsistent, &folder.path.join("camera.yml"), problem, mend);
         }
     }
-    lenses::check(intrinsics, &first.path.join("camera.yml"), faults);
+    for (problem, mend) in lenses::odd(intrinsics) {
+        faults.warning(FaultKind::Lens, &first.path.join("camera.yml"), problem, mend);
+    }
     Some(intrinsics.clone())
 }
 

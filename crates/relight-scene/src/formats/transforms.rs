@@ -9,7 +9,7 @@
 mod lens;
 mod nearby;
 
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
@@ -87,6 +87,12 @@ pub(super) fn read(root: &Path, found: &[(PathBuf, Option<Split>)], faults: &mut
         faults.error(FaultKind::Missing, path, "holds no frame that can be used", mend);
         return None;
     }
+    for (mend, (path, mut problem, count)) in std::mem::take(&mut reader.odd_lenses) {
+        if count > 1 {
+            problem += &format!("; {} more lenses are like that", count - 1);
+        }
+        faults.warning(FaultKind::Lens, &path, problem, mend);
+    }
     if reader.rounded > 0 {
         let path = found.first().map_or(root, |(path, _)| path);
         let problem = format!(
@@ -146,6 +152,8 @@ struct Reader {
     splits: Splits,
     /// Frames whose camera or light is another's but for rounding.
     rounded: usize,
+    /// By how to mend it, what looks wrong about a lens: the first, with its file, and how many there are.
+    odd_lenses: BTreeMap<&'static str, (PathBuf, String, usize)>,
 }
 
 impl Reader {
@@ -166,7 +174,10 @@ impl Reader {
                 continue;
             };
             if self.lenses.insert(intrinsics.bits()) {
-                lenses::check(&intrinsics, path, faults);
+                for (problem, mend) in lenses::odd(&intrinsics) {
+                    let problem = format!("frame {}: {problem}", entry.file_path.display());
+                    self.odd_lenses.entry(mend).or_insert((path.to_owned(), problem, 0)).2 += 1;
+                }
             }
             let camera = self.camera(intrinsics, pose, path);
             let light = self.light(position, path);
@@ -271,13 +282,13 @@ impl Reader {
     fn camera(&mut self, intrinsics: Intrinsics, pose: Pose, file: &Path) -> usize {
         let is_same = |other: usize| {
             let other = &self.cameras[other];
-            other.pose.difference(&pose) <= ROUNDING && other.intrinsics == intrinsics
+            other.pose.difference(&pose) <= ROUNDING && other.intrinsics.is_nearly(&intrinsics)
         };
-        if let Some(known) = self.camera_index.find(pose.position(), is_same) {
+        if let Some(known) = self.camera_index.find(&pose, is_same) {
             return known;
         }
         let label = self.cameras.len();
-        self.camera_index.add(pose.position(), label);
+        self.camera_index.add(&pose, label);
         self.cameras.push(Camera { label, intrinsics, pose });
         self.camera_files.push(file.to_owned());
         label
@@ -287,11 +298,11 @@ impl Reader {
         let [x, y, z] = position;
         let pose = Pose([[1.0, 0.0, 0.0, x], [0.0, 1.0, 0.0, y], [0.0, 0.0, 1.0, z]]);
         let is_same = |other: usize| self.lights[other].pose.difference(&pose) <= ROUNDING;
-        if let Some(known) = self.light_index.find(position, is_same) {
+        if let Some(known) = self.light_index.find(&pose, is_same) {
             return known;
         }
         let label = self.lights.len();
-        self.light_index.add(position, label);
+        self.light_index.add(&pose, label);
         self.lights.push(Light { label, pose });
         self.light_files.push(file.to_owned());
         label

@@ -51,7 +51,7 @@ fn draw_poses(view: &View, canvas: &mut Canvas, scene: &Scene, splits: &Splits, 
     let cameras_of =
         |frames: &[usize]| frames.iter().map(|&frame| scene.frames[frame].camera).collect::<HashSet<_>>();
     let (train, val) = (cameras_of(&splits.train), cameras_of(&splits.val));
-    let test = cameras_of(&splits.easy);
+    let test = &cameras_of(&splits.easy) | &cameras_of(&splits.hard);
     for (index, camera) in scene.cameras.iter().enumerate() {
         let colour = match index {
             index if train.contains(&index) => TRAIN,

@@ -1,9 +1,7 @@
 //! `splits.json`: `{"format": "relight-splits", "version": 1, "train": [[camera, light], …], "val": …}` by label. Where
-//! labels are the order of frames in a file (`transforms.json`), entries are `[camera, light, "image"]`, so that they cannot come
-//! to mean others.
+//! labels are the order of frames in a file (`transforms.json`), entries are `[camera, light, "image"]`, and the image tells.
 
 use std::collections::HashMap;
-use std::io::Write;
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
@@ -19,11 +17,7 @@ const LONGEST: u64 = 1 << 26;
 
 /// A frame: its camera's and its light's label, and its image where labels do not tell for sure.
 #[derive(Serialize, Deserialize)]
-#[serde(untagged)]
-enum Entry {
-    Named(usize, usize, String),
-    Numbered(usize, usize),
-}
+struct Entry(usize, usize, #[serde(default, skip_serializing_if = "Option::is_none")] Option<String>);
 
 type Entries = Vec<Entry>;
 
@@ -75,6 +69,11 @@ pub(super) fn read(scene: &Scene) -> Result<Option<Splits>, SceneError> {
     let file: File = serde_json::from_str(&text).map_err(malformed)?;
     let mut frames: HashMap<(usize, usize), usize> =
         labels(scene).enumerate().map(|(i, pair)| (pair, i)).collect();
+    // Labels of the images of a scene in which these may have changed.
+    let named: HashMap<String, (usize, usize)> = match scene.layout {
+        Layout::Rene => HashMap::new(),
+        Layout::Transforms => labels(scene).enumerate().map(|(i, pair)| (name(scene, i), pair)).collect(),
+    };
     let mut splits = Splits::default();
     let parts = [
         (Split::Train, file.train),
@@ -83,23 +82,16 @@ pub(super) fn read(scene: &Scene) -> Result<Option<Splits>, SceneError> {
         (Split::Hard, file.hard),
     ];
     for (split, entries) in parts {
-        for entry in entries {
-            let (camera, light, image) = match entry {
-                Entry::Named(camera, light, image) => (camera, light, Some(image)),
-                Entry::Numbered(camera, light) => (camera, light, None),
+        for Entry(camera, light, image) in entries {
+            let labels = match &image {
+                Some(image) => named.get(image).copied(),
+                None => Some((camera, light)),
             };
-            let frame = frames.remove(&(camera, light)).ok_or_else(|| {
-                let problem =
-                    format!("camera {camera} under light {light} is named twice or is not in the scene");
+            let frame = labels.and_then(|labels| frames.remove(&labels)).ok_or_else(|| {
+                let what = image.unwrap_or_else(|| format!("camera {camera} under light {light}"));
+                let problem = format!("{what} is named twice or is not in the scene");
                 fault(FaultKind::Inconsistent, problem)
             })?;
-            if let Some(image) = image.filter(|image| *image != name(scene, frame)) {
-                let problem = format!(
-                    "camera {camera} under light {light} was {image} and is {}: frames were added or reordered",
-                    name(scene, frame)
-                );
-                return Err(fault(FaultKind::Inconsistent, problem));
-            }
             splits.get_mut(split).push(frame);
         }
         splits.get_mut(split).sort_unstable();
@@ -116,9 +108,9 @@ fn name(scene: &Scene, frame: usize) -> String {
 /// The bytes of the file.
 pub(super) fn bytes(scene: &Scene, splits: &Splits) -> Result<Vec<u8>, SceneError> {
     let labels: Vec<(usize, usize)> = labels(scene).collect();
-    let entry = |frame: usize| match (labels[frame], scene.layout) {
-        ((camera, light), Layout::Rene) => Entry::Numbered(camera, light),
-        ((camera, light), Layout::Transforms) => Entry::Named(camera, light, name(scene, frame)),
+    let entry = |frame: usize| {
+        let (camera, light) = labels[frame];
+        Entry(camera, light, (scene.layout == Layout::Transforms).then(|| name(scene, frame)))
     };
     let entries = |split| splits.get(split).iter().map(|&frame| entry(frame)).collect();
     let file = File {
@@ -134,9 +126,7 @@ pub(super) fn bytes(scene: &Scene, splits: &Splits) -> Result<Vec<u8>, SceneErro
 
 /// Writes the file.
 pub(super) fn write(scene: &Scene, splits: &Splits) -> Result<(), SceneError> {
-    let (path, bytes) = (path(scene), bytes(scene, splits)?);
-    files::write_whole(&path, |file| file.write_all(&bytes))
-        .map_err(|error| SceneError::io(&path, "be written", &error))
+    files::write(&path(scene), &bytes(scene, splits)?)
 }
 
 /// Each frame's camera and light label.

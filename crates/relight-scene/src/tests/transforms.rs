@@ -6,7 +6,7 @@ use tempfile::TempDir;
 
 use super::{Rig, fault, from_angles, mended, rows};
 use crate::vector::{angle, norm, sub};
-use crate::{FaultKind, Layout, Pose, Scene, Severity, Splits, check, scene_bounds};
+use crate::{FaultKind, Layout, Pose, Scene, Severity, Split, Splits, check, contact_sheet, scene_bounds};
 
 const SIZE: Rig = Rig { views: 1, lights: 1, width: 16, height: 10 };
 
@@ -149,6 +149,10 @@ fn pairs_of_files_declare_the_splits() {
     fs::write(root.path().join("transforms_test.json"), file.to_string()).unwrap();
     let splits = Splits::of(&Scene::open(root.path()).unwrap()).unwrap();
     assert_eq!((&splits.easy[..], &splits.hard[..]), (&[31, 33][..], &[30, 32, 34][..]));
+
+    fs::remove_file(root.path().join("transforms_train.json")).unwrap();
+    let fault = fault(Splits::of(&Scene::open(root.path()).unwrap()));
+    assert!(fault.kind == FaultKind::Split && fault.mend.contains("transforms_train.json"), "{fault}");
 }
 
 #[test]
@@ -171,6 +175,18 @@ fn rounding_makes_no_new_cameras_or_lights() {
     let report = check(root.path(), &|_, _| {});
     let [note] = &report.faults[..] else { panic!("{:?}", report.faults) };
     assert!(note.severity == Severity::Note && note.problem.contains("by rounding"), "{note}");
+    // Two that lie on both sides of a border between cells, or of several, are one as well.
+    for (index, x) in [0.002, 0.002 - 4e-5, -0.001, -0.001 + 4e-5].into_iter().enumerate() {
+        file["frames"][4 * index]["pl_pos"] = json!([x, -x, 5.0 + x]);
+    }
+    let scene = open(&root, &file).unwrap();
+    let of_frames: Vec<usize> = (0..4).map(|view| scene.frames[4 * view].light).collect();
+    assert!(of_frames[0] == of_frames[1] && of_frames[2] == of_frames[3] && of_frames[1] != of_frames[2]);
+    // Focal lengths are rounded too.
+    for index in 0..24 {
+        file["frames"][index]["fl_x"] = json!(20.0 + 1e-7 * index as f64);
+    }
+    assert_eq!(open(&root, &file).unwrap().cameras.len(), 6);
     // What differs by more is another.
     file["frames"][23]["transform_matrix"][0][3] = json!(camera(5).position()[0] + 1e-3);
     assert_eq!(open(&root, &file).unwrap().cameras.len(), 7);
@@ -180,11 +196,15 @@ fn rounding_makes_no_new_cameras_or_lights() {
 fn odd_lenses_are_warned_of_once() {
     for (key, value, says) in [("k1", -5.0, "undone"), ("cx", 80.0, "principal point")] {
         let (root, mut file) = blender(5);
-        file[key] = json!(value);
+        for index in 1..5 {
+            file["frames"][index][key] = json!(value + 0.1 * index as f64);
+        }
         open(&root, &file).unwrap();
         let report = check(root.path(), &|_, _| {});
-        let warned = report.faults.iter().filter(|fault| fault.severity == Severity::Warning);
-        assert_eq!(warned.filter(|fault| fault.problem.contains(says)).count(), 1, "{:?}", report.faults);
+        let warned = report.faults.iter().filter(|fault| fault.kind == FaultKind::Lens);
+        let [warning] = &warned.collect::<Vec<_>>()[..] else { panic!("{:?}", report.faults) };
+        assert!(warning.problem.contains(says) && warning.problem.contains("train/r_1"), "{warning}");
+        assert!(warning.problem.contains("3 more"), "{warning}");
     }
 }
 
@@ -194,10 +214,26 @@ fn splits_that_were_drawn_do_not_come_to_mean_other_images() {
     let scene = open(&root, &file).unwrap();
     let splits = Splits::of(&scene).unwrap();
     assert_eq!(Splits::of(&open(&root, &file).unwrap()).unwrap(), splits);
+    let names = |scene: &Scene, frames: &[usize]| {
+        let mut names: Vec<_> = frames.iter().map(|&frame| scene.frames[frame].path.clone()).collect();
+        names.sort();
+        names
+    };
     file["frames"].as_array_mut().unwrap().reverse();
+    let reordered = open(&root, &file).unwrap();
+    let of_it = Splits::of(&reordered).unwrap();
+    assert_ne!(of_it.hard, splits.hard, "other frames by number");
+    for split in [Split::Train, Split::Val, Split::Easy, Split::Hard] {
+        assert_eq!(names(&reordered, of_it.get(split)), names(&scene, splits.get(split)));
+    }
+    let lost = splits.hard[0];
+    file["frames"].as_array_mut().unwrap().remove(11 - lost);
     let fault = fault(Splits::of(&open(&root, &file).unwrap()));
     assert_eq!((fault.kind, &fault.path), (FaultKind::Inconsistent, &root.path().join("splits.json")));
-    assert!(fault.problem.contains("train/r_") && fault.mend.contains("Remove"), "{fault}");
+    assert!(
+        fault.problem.contains(&format!("train/r_{lost}.png")) && fault.mend.contains("Remove"),
+        "{fault}"
+    );
 }
 
 #[test]
@@ -207,6 +243,8 @@ fn a_light_a_frame_is_split_by_frames() {
     let splits = Splits::of(&scene).unwrap();
     assert_eq!((splits.train.len(), splits.val.len(), splits.easy.len(), splits.hard.len()), (36, 2, 0, 2));
     assert_eq!(Splits::of(&scene).unwrap(), splits, "as written to the file");
+    let sheet = contact_sheet(&scene).unwrap();
+    assert!(sheet.data.chunks_exact(3).any(|pixel| pixel == [255, 80, 80]), "test cameras are red");
 }
 
 #[test]
