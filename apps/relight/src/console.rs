@@ -3,7 +3,7 @@
 use std::io::{IsTerminal, Write};
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
@@ -57,7 +57,8 @@ pub fn print_line(line: &str) -> anyhow::Result<()> {
 pub struct Progress {
     bar: Option<ProgressBar>,
     name: &'static str,
-    started: Instant,
+    /// When something was first told to be done, and how much was.
+    first: OnceLock<(Instant, u64)>,
     /// When the last plain line was written; `None` for silence.
     line: Option<Mutex<Instant>>,
 }
@@ -76,11 +77,12 @@ impl Progress {
             bar
         });
         let line = (!terminal && !quiet).then(|| Mutex::new(Instant::now()));
-        Self { bar, name, started: Instant::now(), line }
+        Self { bar, name, first: OnceLock::new(), line }
     }
 
     /// Tells that `done` of `length` is done.
     pub fn update(&self, done: u64, length: u64, message: impl FnOnce() -> String) {
+        self.first.get_or_init(|| (Instant::now(), done));
         if let Some(bar) = &self.bar {
             bar.set_length(length);
             bar.set_position(done);
@@ -89,23 +91,28 @@ impl Progress {
             && last.elapsed() >= LINE_EVERY
         {
             *last = Instant::now();
-            let (percent, left) = (100 * done / length.max(1), self.left(done, length));
-            eprintln!("{}: {percent}% {left} left  {}", self.name, message());
+            let percent = 100.0 * done as f64 / length.max(1) as f64;
+            let left = self
+                .rate(done)
+                .and_then(|rate| Duration::try_from_secs_f64(length.saturating_sub(done) as f64 / rate).ok());
+            let left = left.map_or("?".to_owned(), |left| FormattedDuration(left).to_string());
+            eprintln!("{}: {percent:.0}% {left} left  {}", self.name, message());
         }
     }
 
     /// Tells that `done` of `all` things, `what` by name, are done, and how many a second.
     pub fn count(&self, done: usize, all: usize, what: &str) {
         self.update(done as u64, all as u64, || {
-            let rate = done as f64 / self.started.elapsed().as_secs_f64().max(1e-3);
-            format!("{done} of {all} {what}, {rate:.1}/s")
+            let rate = self.rate(done as u64).map_or(String::new(), |rate| format!(", {rate:.1}/s"));
+            format!("{done} of {all} {what}{rate}")
         });
     }
 
-    /// Time left if it goes on as it went.
-    fn left(&self, done: u64, length: u64) -> FormattedDuration {
-        let share_left = length.saturating_sub(done) as f64 / done.max(1) as f64;
-        FormattedDuration(Duration::from_secs(self.started.elapsed().mul_f64(share_left).as_secs()))
+    /// How much was done a second since this start, where that can be told.
+    fn rate(&self, done: u64) -> Option<f64> {
+        let &(start, before) = self.first.get()?;
+        let (done, seconds) = (done.saturating_sub(before) as f64, start.elapsed().as_secs_f64());
+        (done > 0.0 && seconds > 0.0).then(|| done / seconds)
     }
 
     /// Writes a line that stays.

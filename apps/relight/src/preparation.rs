@@ -173,6 +173,9 @@ pub fn open(path: &Path) -> anyhow::Result<(Scene, Splits)> {
         path.display()
     );
     let splits = Splits::of(&scene)?;
+    if let Some(fault) = splits.left_out(&scene) {
+        tracing::warn!("{fault}");
+    }
     Ok((scene, splits))
 }
 

@@ -150,7 +150,7 @@ fn the_papers_recipe_learns() {
     let resume = "train scene --out run --resume --recipe recipe.toml --steps 310";
     shop.succeed(resume);
     std::fs::write(shop.path("recipe.toml"), recipe.replace("512", "256")).unwrap();
-    assert!(shop.fail(resume, 1).contains("recipe"), "another recipe");
+    assert!(shop.fail(resume, 1).contains("this run has another recipe"));
 }
 
 #[test]

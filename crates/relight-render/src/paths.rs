@@ -67,8 +67,8 @@ pub fn lights(
 /// The path of a file, smoothly through its keyframes from the first to the last: rotations by slerp, positions by a
 /// centripetal Catmull-Rom spline, equal time between keyframes.
 ///
-/// The file is JSON: `{"format": "relight-path", "version": 1, "keyframes": [{"camera": [16 numbers], "light": [16 numbers or x, y, z]}, ...]}`,
-/// matrices row-major, to-world, metres. A light given by its position looks at the focus.
+/// The file is JSON: `{"format": "relight-path", "version": 1, "keyframes": [...]}`, a keyframe `{"camera": [16 numbers],
+/// "light": [16 numbers or x, y, z]}`; matrices row-major, to-world, metres. A light given by its position looks at the focus.
 ///
 /// # Errors
 /// [`RenderError::Scene`] or [`RenderError::File`] if the file is no such path, [`RenderError::Placement`] for no frames or

@@ -167,11 +167,15 @@ fn prepare(
 
 /// The recipe of a training: the preset's, with the settings in the file `changes` in place of its own.
 pub fn recipe(preset: Preset, changes: Option<&Path>, model: &str) -> anyhow::Result<Recipe> {
-    let preset = preset.recipe();
-    let Some(path) = changes else { return Ok(preset) };
+    changed(preset.recipe(), changes, model)
+}
+
+/// A recipe with the settings in the file `changes` in place of its own.
+fn changed(recipe: Recipe, changes: Option<&Path>, model: &str) -> anyhow::Result<Recipe> {
+    let Some(path) = changes else { return Ok(recipe) };
     let text = read_text(path, LONGEST_RECIPE)?;
     let changed = || -> anyhow::Result<Recipe> {
-        let mut settings = toml::Table::try_from(&preset)?;
+        let mut settings = toml::Table::try_from(&recipe)?;
         settings.extend(toml::from_str::<toml::Table>(&text)?);
         let recipe: Recipe = settings.try_into()?;
         recipe.validate()?;
@@ -217,14 +221,10 @@ fn check_same(args: &Args, config: &RunConfig) -> anyhow::Result<()> {
     if args.preset.is_some_and(|p| p.name() != config.preset) {
         return Err(differs("preset", &config.preset));
     }
-    if args.recipe.is_some() {
-        let preset = config.preset.parse().unwrap_or(Preset::Fast);
-        let mut asked = recipe(preset, args.recipe.as_deref(), &config.model)?;
-        // Found from the images where the recipe leaves it open.
-        asked.grid = asked.grid.or(config.recipe.grid.clone());
-        if asked != config.recipe {
-            return Err(differs("a recipe of its own, in its", &"config.toml"));
-        }
+    if args.recipe.is_some()
+        && changed(config.recipe.clone(), args.recipe.as_deref(), &config.model)? != config.recipe
+    {
+        return Err(differs("another recipe, told in", &"config.toml"));
     }
     if args.seed.is_some_and(|s| s != config.seed) {
         return Err(differs("seed", &config.seed));

@@ -3,7 +3,7 @@
 use std::io::{IsTerminal, stdin};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use anyhow::{Context, bail, ensure};
 use relight_capture::camera::{Camera, FolderCamera};
@@ -281,17 +281,8 @@ impl Job<'_> {
             (views * lights) as u64,
             quiet,
         );
-        let started = Instant::now();
         let ended = work(&mut |progress| {
-            let session::Progress { done, resumed, total } = progress;
-            bar.update(done as u64, total as u64, || {
-                let seconds = started.elapsed().as_secs_f64();
-                let rate = (done - resumed) as f64 / seconds;
-                // All lights of a view may be photographed with the first.
-                let left =
-                    if done - resumed > lights { time((total - done) as f64 / rate) } else { "?".to_owned() };
-                format!("{done} of {total} photographs, {rate:.1}/s, {left} left")
-            });
+            bar.count(progress.done, progress.total, "photographs");
             unless(cancel)
         });
         bar.clear();
