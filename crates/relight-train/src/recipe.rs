@@ -166,7 +166,7 @@ impl Recipe {
             improvement: 0.02,
             validation_pixels: 250_000,
             report_every: 100,
-            sampling: Sampling::Guided { samples: 12 },
+            sampling: Sampling::Guided { samples: 16 },
             shading: Shading::Deferred,
             roulette: 1.5,
             beta2: 0.999,
