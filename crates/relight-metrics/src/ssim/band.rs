@@ -27,9 +27,9 @@ const STEP: usize = 96;
 /// Those before them, at least as many as windows overlap by, in whole groups of windows.
 const KEPT: usize = (3 * OVERLAP).next_multiple_of(3 * WINDOWS);
 
-/// Of the two pictures' sum and difference, sample by sample: both, then both squared. With `s = a + b` and `d = a - b`, `s^2 + d^2`
-/// is twice `a^2 + b^2` and `s^2 - d^2` four times `ab`, so these are all that SSIM needs; and where the pictures are alike `d` is
-/// small, so that little is lost where the squares' means cancel.
+/// Means under windows of the two pictures' sum and difference, sample by sample: of both, then of both squared. With `s = a + b` and
+/// `d = a - b`, `s^2 + d^2` is twice `a^2 + b^2` and `s^2 - d^2` four times `ab`, so these are all that SSIM needs; and where the
+/// pictures are alike `d` is small, so that little is lost where the squares' means cancel.
 type Moments<S, const N: usize> = [[f32x16<S>; N]; 4];
 
 /// Sums SSIM over the windows of the [`ROWS`] rows from `top` on, as far as there are any.
@@ -43,7 +43,7 @@ pub(super) fn sum<S: Simd, const TAPS: usize>(simd: S, compared: &Compared<'_, T
     }
     let centre = centre(compared, top);
     let mut bytes = [[[0; STEP]; 2]; ROWS + OVERLAP];
-    let mut moments = [[zero; ROWS + OVERLAP]; 4];
+    let mut samples = [[zero; ROWS + OVERLAP]; 2];
     // Along columns, of the samples kept and the new ones.
     let mut means = [[zero; KEPT + STEP]; 4];
     let mut sums = [f64x8::splat(simd, 0.0); 2];
@@ -56,15 +56,12 @@ pub(super) fn sum<S: Simd, const TAPS: usize>(simd: S, compared: &Compared<'_, T
             means.copy_within(STEP.., 0);
         }
         for c in (0..STEP).step_by(LANES) {
-            take_moments(simd, &bytes, c, centre, &mut moments);
-            for (moments, means) in moments.iter().zip(&mut means) {
-                let mut rows = [zero; ROWS];
-                for first in (0..ROWS).step_by(WINDOWS) {
-                    let mut block = [zero; WINDOWS];
-                    filter::<S, TAPS, WINDOWS, 1>(&taps, &moments[first..], &mut block);
-                    rows[first..first + WINDOWS].copy_from_slice(&block);
-                }
-                means[KEPT + c..][..LANES].copy_from_slice(&transposed(rows));
+            take_samples(simd, &bytes, c, centre, &mut samples);
+            let [s, d, ss, dd] = &mut means;
+            for (samples, means, squares) in [(&samples[0], s, ss), (&samples[1], d, dd)] {
+                let columns = KEPT + c..KEPT + c + LANES;
+                means[columns.clone()].copy_from_slice(&filtered_columns(&taps, samples, |x| x));
+                squares[columns].copy_from_slice(&filtered_columns(&taps, samples, |x| x * x));
             }
         }
         for group in (0..STEP).step_by(3 * WINDOWS) {
@@ -82,14 +79,14 @@ pub(super) fn sum<S: Simd, const TAPS: usize>(simd: S, compared: &Compared<'_, T
     sums.iter().flat_map(|sums| sums.as_slice()).take(rows - top).sum()
 }
 
-/// The moments of 16 columns of samples, which are the lanes.
+/// Sums, from `centre`, and differences of 16 columns of samples, which are the lanes.
 #[inline(always)]
-fn take_moments<S: Simd>(
+fn take_samples<S: Simd>(
     simd: S,
     bytes: &[[[u8; STEP]; 2]; ROWS + OVERLAP],
     c: usize,
     centre: i32,
-    moments: &mut Moments<S, { ROWS + OVERLAP }>,
+    samples: &mut [[f32x16<S>; ROWS + OVERLAP]; 2],
 ) {
     for (row, [a, b]) in bytes.iter().enumerate() {
         let (mut s, mut d) = ([0.0; LANES], [0.0; LANES]);
@@ -97,10 +94,25 @@ fn take_moments<S: Simd>(
             let (a, b) = (i32::from(a[c + i]), i32::from(b[c + i]));
             (s[i], d[i]) = ((a + b - centre) as f32, (a - b) as f32);
         }
-        let (s, d) = (f32x16::load_array(simd, s), f32x16::load_array(simd, d));
-        let [sums, differences, sums2, differences2] = moments;
-        (sums[row], differences[row], sums2[row], differences2[row]) = (s, d, s * s, d * d);
+        (samples[0][row], samples[1][row]) = (f32x16::load_array(simd, s), f32x16::load_array(simd, d));
     }
+}
+
+/// Filters a function of samples along columns, and turns the result: rows become the lanes. What the function makes of a sample is not
+/// kept in memory.
+#[inline(always)]
+fn filtered_columns<S: Simd, const TAPS: usize>(
+    taps: &[f32x16<S>; TAPS],
+    samples: &[f32x16<S>; ROWS + OVERLAP],
+    function: impl Fn(f32x16<S>) -> f32x16<S>,
+) -> [f32x16<S>; LANES] {
+    let mut rows = [samples[0]; ROWS];
+    for first in (0..ROWS).step_by(WINDOWS) {
+        let mut block = [samples[0]; WINDOWS];
+        filter::<S, TAPS, WINDOWS, 1>(taps, &samples[first..], &function, &mut block);
+        rows[first..first + WINDOWS].copy_from_slice(&block);
+    }
+    transposed(rows)
 }
 
 /// Filters along rows, and adds the scores of the three channels of `N` neighbouring pixels.
@@ -118,7 +130,7 @@ fn add_scores<S: Simd, const TAPS: usize, const N: usize>(
     for channel in 0..3 {
         let mut whole: Moments<S, N> = [[zero; N]; 4];
         for (from, to) in means.iter().zip(&mut whole) {
-            filter::<S, TAPS, N, 3>(taps, &from[first + channel..], to);
+            filter::<S, TAPS, N, 3>(taps, &from[first + channel..], |x| x, to);
         }
         let [s, d, ss, dd] = &whole;
         let mut sum = zero;
@@ -146,11 +158,12 @@ fn score<S: Simd>(simd: S, [s, d, ss, dd]: [f32x16<S>; 4], centre: f32, scale: f
 }
 
 /// About the mean of the pictures' sum over a band. Variances do not depend on what sums are taken from; from this they lose least to
-/// rounding. That the rows are read as a whole here also spares waiting for memory when small parts of many are read.
+/// rounding. That the rows are read as a whole here also spares waiting for memory when small parts of many are read; those above were read
+/// for the band before.
 #[inline(always)]
 fn centre<const TAPS: usize>(compared: &Compared<'_, TAPS>, top: usize) -> i32 {
     let (mut sum, mut samples) = (0, 0);
-    for row in top..top + ROWS + 2 * (TAPS - 1) {
+    for row in top + 2 * (TAPS - 1)..top + ROWS + 2 * (TAPS - 1) {
         for picture in [compared.picture, compared.truth] {
             // The sum of so many bytes fits into 16 bits.
             for part in compared.row(picture, row).chunks(256) {
@@ -183,20 +196,22 @@ fn copy_samples<const TAPS: usize>(
     }
 }
 
-/// The weighted means of `N` windows that begin one after another, where neighbours are `STRIDE` vectors apart. What windows share is
-/// read once and stays in registers.
+/// The weighted means of a function of samples under `N` windows that begin one after another, where neighbours are `STRIDE` vectors
+/// apart. What windows share is read once and stays in registers.
 #[inline(always)]
 fn filter<S: Simd, const TAPS: usize, const N: usize, const STRIDE: usize>(
     taps: &[f32x16<S>; TAPS],
     from: &[f32x16<S>],
+    function: impl Fn(f32x16<S>) -> f32x16<S>,
     to: &mut [f32x16<S>; N],
 ) {
     let from = &from[..STRIDE * (N + 2 * TAPS - 3) + 1];
+    let value = |i: usize| function(from[STRIDE * i]);
     for (n, to) in to.iter_mut().enumerate() {
         let middle = n + TAPS - 1;
-        let mut sum = taps[0] * from[STRIDE * middle];
-        for k in 1..TAPS {
-            sum = (from[STRIDE * (middle - k)] + from[STRIDE * (middle + k)]).mul_add_precise(taps[k], sum);
+        let mut sum = taps[0] * value(middle);
+        for (k, &tap) in taps.iter().enumerate().skip(1) {
+            sum = (value(middle - k) + value(middle + k)).mul_add_precise(tap, sum);
         }
         *to = sum;
     }
