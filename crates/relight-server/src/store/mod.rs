@@ -7,6 +7,7 @@
 mod audit;
 mod benchmarks;
 mod queue;
+mod quota;
 mod submissions;
 mod users;
 mod zips;
@@ -22,7 +23,8 @@ use sqlx::{ConnectOptions, Row, Sqlite, Transaction};
 pub use audit::AuditEntry;
 pub use benchmarks::{BenchmarkEntry, Quota, SceneEntry};
 pub use queue::{Claim, Verdict};
-pub use submissions::{Listing, NewSubmission, QuotaSpent, QuotaUse, State, SubmissionEntry};
+pub use quota::{QuotaSpent, QuotaUse};
+pub use submissions::{Listing, NewSubmission, State, SubmissionEntry};
 pub use users::{SignUpPolicy, TokenEntry, User, UserStatus};
 
 use crate::time::Time;
