@@ -1,27 +1,22 @@
 //! The hash grid `h(x)`: lookups level by level, and the sparse optimiser that follows their gradients.
 //!
-//! The outer loop runs over levels and all samples inside it, so that one level's table at a time lives in cache. What
-//! a group of samples will want is asked of memory while the group before it is worked on. Going back, a level belongs
-//! to one thread: no atomics, and the same sums whatever the number of threads.
+//! Going back, a level belongs to one thread: no atomics, and the same sums whatever the number of threads.
 
 mod corners;
+mod encoding;
 mod level_gradient;
 
-use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*};
+use fearless_simd::Level;
 use rayon::prelude::*;
-use relight_field::engine::StageCost;
 use relight_field::parameters::{GridConfig, Level as GridLevel};
 
 use crate::adam::{Adam, UPDATE_OPERATIONS};
 use crate::pool::Pool;
 use crate::stages::{Clock, Costs, Stage};
-use corners::{Corners, GROUP};
 use level_gradient::LevelGradient;
 
 /// Corners of a cell.
 const CORNERS: usize = 8;
-/// Bytes of a table that is not asked of memory ahead when samples are encoded.
-const NEAR: usize = 1 << 18;
 /// Operations of a corner: its weight, and what it adds to two features or gets from them; the fractions that all corners
 /// share in part.
 const OPERATIONS: f64 = 6.75;
@@ -129,92 +124,6 @@ impl HashGrid {
         true
     }
 
-    /// Encodes all tiles: `features` is `[tile][2 * levels][columns]`.
-    pub fn encode(&self, simd: Level, positions: TiledPositions<'_>, features: &mut [f32]) {
-        dispatch!(simd, simd => self.encode_simd(simd, positions, features));
-    }
-
-    #[inline(always)]
-    fn encode_simd<S: Simd>(&self, simd: S, positions: TiledPositions<'_>, features: &mut [f32]) {
-        simd.vectorize(
-            #[inline(always)]
-            || {
-                let TiledPositions { data, columns } = positions;
-                let (tiles, groups) = (data.len() / (3 * columns), columns / GROUP);
-                let count = self.levels.len() * tiles * groups;
-                if count == 0 {
-                    return;
-                }
-                let mut next = self.group(simd, positions, (0, 0, 0));
-                for i in 0..count {
-                    let here = next;
-                    let place = |i: usize| (i / (tiles * groups), i / groups % tiles, i % groups * GROUP);
-                    next = self.group(simd, positions, place((i + 1).min(count - 1)));
-                    let (l, tile, c) = place(i);
-                    let table = self.table_of(l);
-                    let rows = &mut features[(tile * self.outputs() + 2 * l) * columns..][..2 * columns];
-                    let (row0, row1) = rows.split_at_mut(columns);
-                    let (row0, row1) = (&mut row0[c..c + GROUP], &mut row1[c..c + GROUP]);
-                    // Neighbouring pixels often do on coarse levels.
-                    if here.share_entries(simd) {
-                        let mut sum = [f32x16::splat(simd, 0.0); 2];
-                        for corner in 0..CORNERS {
-                            let entry = table[here.index[corner][0] as usize];
-                            let weight = f32x16::from_slice(simd, &here.weight[corner]);
-                            sum[0] = f32x16::splat(simd, entry[0]).mul_add(weight, sum[0]);
-                            sum[1] = f32x16::splat(simd, entry[1]).mul_add(weight, sum[1]);
-                        }
-                        sum[0].store_slice(row0);
-                        sum[1].store_slice(row1);
-                        continue;
-                    }
-                    for i in 0..GROUP {
-                        let mut sum = [0.0; 2];
-                        for corner in 0..CORNERS {
-                            let entry = table[here.index[corner][i] as usize];
-                            let weight = here.weight[corner][i];
-                            sum[0] = entry[0].mul_add(weight, sum[0]);
-                            sum[1] = entry[1].mul_add(weight, sum[1]);
-                        }
-                        row0[i] = sum[0];
-                        row1[i] = sum[1];
-                    }
-                }
-            },
-        );
-    }
-
-    /// The corners at level `l` around the group of samples of a tile that begins at column `c`, asked of memory.
-    #[inline(always)]
-    fn group<S: Simd>(
-        &self,
-        simd: S,
-        positions: TiledPositions<'_>,
-        (l, tile, c): (usize, usize, usize),
-    ) -> Corners {
-        let columns = positions.columns;
-        let tile = &positions.data[tile * 3 * columns..(tile + 1) * 3 * columns];
-        let corners = Corners::around(simd, &self.levels[l], tile, columns, c);
-        let table = self.table_of(l);
-        // Smaller tables come from a near cache, sooner than asking pays.
-        if size_of_val(table) > NEAR {
-            corners.ask(table, |_| true);
-        }
-        corners
-    }
-
-    /// The entries of level `l`.
-    fn table_of(&self, l: usize) -> &[Entry] {
-        let level = &self.levels[l];
-        &self.table[level.offset..level.offset + level.entries]
-    }
-
-    /// What encoding so many samples takes, but for the time.
-    pub fn encode_cost(&self, samples: usize) -> StageCost {
-        let lookups = (samples * self.levels.len() * CORNERS) as f64;
-        StageCost { operations: OPERATIONS * lookups, lookups, ..StageCost::default() }
-    }
-
     /// Takes one optimiser step along the gradients of all tiles. Entries that no sample touched keep their weights and
     /// moments, and cost nothing but a bit. Returns what scattering and optimising cost the threads together.
     pub fn step(&mut self, simd: Level, tiles: &[TileGradients<'_>], rate: f32, adam: &Adam) -> Costs {
@@ -282,6 +191,8 @@ mod tests {
 
     /// Samples that lie together in one cell of most levels.
     const CROWD: std::ops::Range<usize> = 64..80;
+    /// Samples that lie in a few cells, some neighbours in one of them.
+    const TROOPS: std::ops::Range<usize> = 80..96;
 
     /// Random positions; among the first of them all corners of the cube and points on its faces and beyond them.
     fn positions() -> Vec<[f32; 3]> {
@@ -298,6 +209,10 @@ mod tests {
         }
         for p in &mut positions[CROWD] {
             *p = p.map(|u| 0.41 + 0.005 * u);
+        }
+        for (i, p) in positions[TROOPS].iter_mut().enumerate() {
+            let troop = [0.1, 0.3, 0.1, 0.7][i / 5];
+            *p = p.map(|u| troop + 0.005 * u);
         }
         positions
     }

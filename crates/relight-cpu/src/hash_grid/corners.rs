@@ -1,6 +1,6 @@
 //! The corners of the cells that samples lie in.
 
-use fearless_simd::{Simd, f32x16, prelude::*, u32x16};
+use fearless_simd::{Simd, f32x16, mask32x16, prelude::*, u32x16};
 use relight_field::parameters::Level as GridLevel;
 
 use super::CORNERS;
@@ -8,6 +8,9 @@ use crate::prefetch::ask;
 
 /// Samples whose corners are worked out together.
 pub const GROUP: usize = 16;
+
+/// A bit for each of them.
+pub const ALL: u32 = (1 << GROUP) - 1;
 
 /// Primes of the spatial hash (Mueller et al. 2022, equation 4); the first is 1.
 const PRIMES: [u32; 2] = [2_654_435_761, 805_459_861];
@@ -17,6 +20,8 @@ const PRIMES: [u32; 2] = [2_654_435_761, 805_459_861];
 pub struct Corners {
     pub index: [[u32; GROUP]; CORNERS],
     pub weight: [[f32; GROUP]; CORNERS],
+    /// A bit for each sample whose first entry is another than that of the sample before; the first has one too.
+    pub changes: u32,
 }
 
 impl Corners {
@@ -34,30 +39,43 @@ impl Corners {
         let (z, wz) = neighbours(simd, level, &zs[c..c + GROUP], strides[1]);
         // The number of entries of a hashed level is a power of two.
         let mask = u32x16::splat(simd, level.entries as u32 - 1);
-        let mut corners = Self { index: [[0; GROUP]; CORNERS], weight: [[0.0; GROUP]; CORNERS] };
+        let mut corners = Self { index: [[0; GROUP]; CORNERS], weight: [[0.0; GROUP]; CORNERS], changes: 1 };
         for corner in 0..CORNERS {
             let [i, j, k] = [corner & 1, corner >> 1 & 1, corner >> 2];
             let index = if level.hashed { (x[i] ^ y[j] ^ z[k]) & mask } else { x[i] + y[j] + z[k] };
             index.store_slice(&mut corners.index[corner]);
+            if corner == 0 {
+                let before = index.slide::<{ GROUP - 1 }>(index);
+                corners.changes |= !index.simd_eq(before).to_bitmask() as u32 & ALL;
+            }
             (wx[i] * wy[j] * wz[k]).store_slice(&mut corners.weight[corner]);
         }
         corners
     }
 
-    /// Whether all samples of the group have the same entries, as those in one cell do.
+    /// The samples of the group that have the same entries as sample `i`, as those in one cell do.
     #[inline(always)]
-    pub fn share_entries<S: Simd>(&self, simd: S) -> bool {
-        self.index.iter().all(|index| {
-            let first = u32x16::splat(simd, index[0]);
-            u32x16::from_slice(simd, index).simd_eq(first).all_true()
-        })
+    pub fn alike<S: Simd>(&self, simd: S, i: usize) -> mask32x16<S> {
+        let alike =
+            |index: &[u32; GROUP]| u32x16::from_slice(simd, index).simd_eq(u32x16::splat(simd, index[i]));
+        let mut all = alike(&self.index[0]);
+        for index in &self.index[1..] {
+            all &= alike(index);
+        }
+        all
     }
 
-    /// Asks memory for the entries of all corners of those samples of the group that are `wanted`.
+    /// Asks memory for the entries of all corners of those samples of the group that are `wanted`, but for those that the sample
+    /// before has too.
     #[inline(always)]
     pub fn ask<E>(&self, entries: &[E], wanted: impl Fn(usize) -> bool) {
-        for i in (0..GROUP).filter(|&i| wanted(i)) {
-            self.index.iter().for_each(|index| ask(entries, index[i] as usize));
+        let mut left = self.changes;
+        while left != 0 {
+            let i = left.trailing_zeros() as usize;
+            left &= left - 1;
+            if wanted(i) {
+                self.index.iter().for_each(|index| ask(entries, index[i] as usize));
+            }
         }
     }
 }
