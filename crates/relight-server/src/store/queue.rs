@@ -77,17 +77,20 @@ impl Store {
         Ok(changed.rows_affected())
     }
 
-    /// Takes the next submission from the queue: validation first, which is quick and promised at once, then by age.
+    /// Takes the next submission from the queue: validation first, which is quick and promised at once, then by age; or only
+    /// validation.
     ///
     /// # Errors
     /// If the database fails.
-    pub async fn claim(&self, now: Time) -> Result<Option<Claim>, StoreError> {
+    pub async fn claim(&self, only_validation: bool, now: Time) -> Result<Option<Claim>, StoreError> {
         let mut writing = self.write().await?;
         let next = sqlx::query(
             "UPDATE submissions SET state = 'scoring' WHERE number = (SELECT number FROM submissions \
-             WHERE state = 'queued' AND not_before <= ? ORDER BY phase = 'test', number LIMIT 1) RETURNING *",
+             WHERE state = 'queued' AND not_before <= ? AND (phase = 'val' OR NOT ?) ORDER BY phase = 'test', number LIMIT 1) \
+             RETURNING *",
         )
         .bind(now.0)
+        .bind(only_validation)
         .fetch_optional(&mut *writing)
         .await?;
         let Some(row) = next else { return Ok(None) };

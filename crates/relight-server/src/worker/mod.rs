@@ -1,4 +1,4 @@
-//! Scoring: one submission after another, each in a child process with limits on memory and time, and with low priority.
+//! Scoring: one submission after another, and validation beside them, each in a child process with limits on memory and time, and with low priority.
 //!
 //! Zips come from anywhere, and the server itself never looks into one. Whatever happens to the child, the server goes on,
 //! and a submission is lost or scored twice by no kill of either: see [`crate::store`] for the queue's states.
@@ -62,16 +62,29 @@ enum Ended {
     Stopped,
 }
 
-/// Scores what is in the queue until `stop` turns true.
-pub(crate) async fn score_queue(app: AppState, scorer: Scorer, mut stop: watch::Receiver<bool>) {
+/// Scores what is in the queue until `stop` turns true: one after the other, and beside that validation, which is promised at once
+/// and shall not wait for hidden splits.
+pub(crate) async fn score_queue(app: AppState, scorer: Scorer, stop: watch::Receiver<bool>) {
+    tokio::join!(
+        score_in_turn(&app, &scorer, stop.clone(), false),
+        score_in_turn(&app, &scorer, stop.clone(), true),
+    );
+}
+
+async fn score_in_turn(
+    app: &AppState,
+    scorer: &Scorer,
+    mut stop: watch::Receiver<bool>,
+    only_validation: bool,
+) {
     while !*stop.borrow() {
-        match app.store.claim(Time::now()).await {
+        match app.store.claim(only_validation, Time::now()).await {
             Ok(Some(claim)) => {
                 let first = Progress { done: 0, all: 1 };
                 app.set_progress(&claim.id, Some(first));
-                if let Err(error) = score_one(&app, &scorer, &claim, &mut stop).await {
+                if let Err(error) = score_one(app, scorer, &claim, &mut stop).await {
                     tracing::error!(submission = claim.id, %error, "its verdict was not written; it is scored again");
-                    put_back(&app, &claim, None).await;
+                    put_back(app, &claim, None).await;
                 }
                 app.set_progress(&claim.id, None);
             }

@@ -130,7 +130,7 @@ impl Fair {
             bytes: 1_234_567_890,
         };
         self.app.store.submit(&new, self.ada.id, Time::now()).await.unwrap();
-        assert_eq!(self.app.store.claim(Time::now()).await.unwrap().unwrap().id, id);
+        assert_eq!(self.app.store.claim(false, Time::now()).await.unwrap().unwrap().id, id);
     }
 
     /// Adds an entry with made-up scores around a PSNR, and pictures where there are validation images.
