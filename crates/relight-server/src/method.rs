@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::store::User;
 use crate::text::text_enum;
 
 text_enum! {
@@ -101,6 +102,21 @@ impl Method {
             }
         }
         Ok(self)
+    }
+
+    /// Refuses what would tell everybody whose an anonymous entry is: its method's name is all that is shown of it.
+    ///
+    /// # Errors
+    /// What is wrong, and the mend.
+    pub fn check_anonymous(&self, user: &User) -> Result<(), String> {
+        if self.name.to_lowercase() == user.name.to_lowercase() {
+            return Err(format!(
+                "method: {:?} would show whose entry it is, and it stands in the receipt for good; submit with another name of the \
+                 method to be anonymous",
+                self.name
+            ));
+        }
+        Ok(())
     }
 }
 

@@ -1,9 +1,10 @@
 //! The process that serves: accepts connections, answers, has submissions scored, and stops gracefully.
 
+use std::collections::HashMap;
 use std::future::Future;
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use axum::Router;
@@ -25,6 +26,8 @@ use crate::worker::{Scorer, score_queue};
 
 /// Connections at a time; more wait in the system's queue.
 const CONNECTIONS: usize = 2000;
+/// Connections of one client at a time, unless a proxy stands between: its connections are everybody's.
+const OF_A_CLIENT: usize = 500;
 /// How long a client may take to send the head of a request.
 const HEAD: Duration = Duration::from_secs(15);
 /// How long requests may go on after the server was asked to stop.
@@ -88,7 +91,8 @@ pub async fn serve(
     let forgetting = tokio::spawn(forget_idle(Arc::clone(&app)));
     let pruning = tokio::spawn(prune_now_and_then(Arc::clone(&app)));
     ready(address);
-    accept(listener, router(Arc::clone(&app)), stop).await;
+    let of_a_client = if app.settings.behind_proxy { CONNECTIONS } else { OF_A_CLIENT };
+    accept(listener, router(Arc::clone(&app)), of_a_client, stop).await;
     tracing::info!("stopping");
     // Whoever listens to it has ended if nobody does.
     let _ = stopping.send(true);
@@ -103,7 +107,8 @@ pub async fn serve(
 }
 
 /// Accepts and serves connections until `stop`, then waits for those that are answering.
-async fn accept(listener: TcpListener, router: Router, stop: impl Future<Output = ()>) {
+async fn accept(listener: TcpListener, router: Router, of_a_client: usize, stop: impl Future<Output = ()>) {
+    let clients = Arc::new(Clients::default());
     let service = TowerToHyperService::new(router);
     let room = Arc::new(Semaphore::new(CONNECTIONS));
     let graceful = GracefulShutdown::new();
@@ -125,11 +130,49 @@ async fn accept(listener: TcpListener, router: Router, stop: impl Future<Output 
             },
             () = &mut stop => break,
         };
-        answer(stream, peer, service.clone(), &graceful, permit);
+        // One that has its share already is hung up on, so that there is room for others.
+        if let Some(client) = clients.join(peer.ip(), of_a_client) {
+            answer(stream, peer, service.clone(), &graceful, (permit, client));
+        }
     }
     drop(listener);
     if tokio::time::timeout(GRACE, graceful.shutdown()).await.is_err() {
         tracing::warn!("requests were still going on, and were cut off");
+    }
+}
+
+/// How many connections each client has.
+#[derive(Debug, Default)]
+struct Clients(Mutex<HashMap<IpAddr, usize>>);
+
+/// A connection that counts until it is dropped.
+struct Joined {
+    clients: Arc<Clients>,
+    client: IpAddr,
+}
+
+impl Clients {
+    /// One more of a client's, if it has fewer than `most`.
+    fn join(self: &Arc<Self>, client: IpAddr, most: usize) -> Option<Joined> {
+        let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let own = all.entry(client).or_default();
+        if *own >= most {
+            return None;
+        }
+        *own += 1;
+        Some(Joined { clients: Arc::clone(self), client })
+    }
+}
+
+impl Drop for Joined {
+    fn drop(&mut self) {
+        let mut all = self.clients.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(own) = all.get_mut(&self.client) {
+            *own -= 1;
+            if *own == 0 {
+                all.remove(&self.client);
+            }
+        }
     }
 }
 
@@ -139,7 +182,7 @@ fn answer(
     peer: SocketAddr,
     service: TowerToHyperService<Router>,
     graceful: &GracefulShutdown,
-    permit: OwnedSemaphorePermit,
+    permits: (OwnedSemaphorePermit, Joined),
 ) {
     // Answers are whole; waiting for more to send with them only delays them.
     let _ = stream.set_nodelay(true);
@@ -157,7 +200,7 @@ fn answer(
         if let Err(error) = connection.await {
             tracing::debug!(%peer, %error, "a connection broke");
         }
-        drop(permit);
+        drop(permits);
     });
 }
 
@@ -184,5 +227,22 @@ async fn prune_now_and_then(app: AppState) {
             Err(error) => tracing::error!(%error, "zips that need be kept no longer stay"),
         }
         tokio::time::sleep(PRUNE).await;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_client_leaves_room_for_others() {
+        let clients = Arc::new(Clients::default());
+        let [one, other] = [[192, 0, 2, 1], [192, 0, 2, 2]].map(IpAddr::from);
+        let held: Vec<Joined> = (0..3).map(|_| clients.join(one, 3).unwrap()).collect();
+        assert!(clients.join(one, 3).is_none());
+        assert!(clients.join(other, 3).is_some());
+        drop(held);
+        assert!(clients.0.lock().unwrap().is_empty());
+        assert!(clients.join(one, 3).is_some());
     }
 }

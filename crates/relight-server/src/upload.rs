@@ -37,6 +37,8 @@ const SILENCE: Duration = Duration::from_secs(60);
 const SLOWEST: u64 = 10_000;
 /// Bytes of the disk that uploads leave free.
 const RESERVE: u64 = 1 << 30;
+/// Bytes of an upload until the disk is looked at again: with all uploads at a time, half of [`RESERVE`].
+const LOOK_AGAIN: u64 = RESERVE / 2 / AT_A_TIME as u64;
 /// What is still read of an upload that is turned away, so that its client gets to read why.
 const DRAINED: u64 = 16 << 20;
 /// How long that may take.
@@ -104,7 +106,7 @@ pub struct Upload {
 pub(crate) struct Uploads(Mutex<HashMap<i64, usize>>);
 
 /// The right to upload, given back when dropped.
-struct Slot {
+pub(crate) struct Slot {
     app: AppState,
     user: i64,
 }
@@ -134,6 +136,15 @@ impl Drop for Slot {
     }
 }
 
+/// The right of a user to upload now: to be had before anything long is read.
+///
+/// # Errors
+/// [`UploadError::Busy`] or [`UploadError::TooMany`].
+pub(crate) fn begin(app: &AppState, user: i64) -> Result<Slot, UploadError> {
+    app.rates.upload(user).map_err(UploadError::TooMany)?;
+    Slot::take(app, user)
+}
+
 /// A zip that came whole and lies on the disk.
 struct Received {
     file: NamedTempFile,
@@ -148,19 +159,27 @@ struct Received {
 pub async fn receive<E: Display>(
     app: &AppState,
     upload: Upload,
+    body: impl Stream<Item = Result<Bytes, E>> + Unpin,
+) -> Result<String, UploadError> {
+    receive_within(app, begin(app, upload.user.id), upload, body).await
+}
+
+/// As [`receive`], by a right that was asked for already.
+pub(crate) async fn receive_within<E: Display>(
+    app: &AppState,
+    slot: Result<Slot, UploadError>,
+    upload: Upload,
     mut body: impl Stream<Item = Result<Bytes, E>> + Unpin,
 ) -> Result<String, UploadError> {
-    let taken = match admit(app, &upload).await {
-        Ok(slot) => match write(app, &upload, &mut body).await {
-            // Not within the request: a client that leaves now does not stop what has begun.
-            Ok(received) => match tokio::spawn(keep(Arc::clone(app), upload, received, slot)).await {
-                Ok(kept) => kept,
-                Err(error) => Err(UploadError::Server(error.to_string())),
-            },
-            Err(error) => Err(error),
-        },
-        Err(error) => Err(error),
+    let taken = async {
+        let slot = slot?;
+        admit(app, &upload).await?;
+        let received = write(app, &upload, &mut body).await?;
+        // Not within the request: a client that leaves now does not stop what has begun.
+        let kept = tokio::spawn(keep(Arc::clone(app), upload, received, slot));
+        kept.await.map_err(server)?
     };
+    let taken = taken.await;
     if taken.is_err() {
         app.metrics.uploads_refused.fetch_add(1, Ordering::Relaxed);
         drain(&mut body).await;
@@ -192,20 +211,20 @@ pub async fn receive_file(
 }
 
 /// Whether an upload may begin: what can be known before its first byte.
-async fn admit(app: &AppState, upload: &Upload) -> Result<Slot, UploadError> {
-    app.rates.upload(upload.user.id).map_err(UploadError::TooMany)?;
-    let slot = Slot::take(app, upload.user.id)?;
+async fn admit(app: &AppState, upload: &Upload) -> Result<(), UploadError> {
     let benchmark = app.store.benchmark(&upload.benchmark).await?;
     app.store.could_submit(&benchmark, &upload.user, upload.phase, Time::now()).await?;
     let longest = app.settings.limits.zip_bytes;
     if upload.declared.is_some_and(|declared| declared > longest) {
         return Err(UploadError::TooLong(longest));
     }
+    leave_room(app, upload.declared.unwrap_or(0))
+}
+
+/// Whether so many bytes more leave what uploads are to leave free.
+fn leave_room(app: &App, bytes: u64) -> Result<(), UploadError> {
     let free = fs4::available_space(app.folder.incoming()).map_err(server)?;
-    if free < RESERVE.saturating_add(upload.declared.unwrap_or(0)) {
-        return Err(UploadError::Full);
-    }
-    Ok(slot)
+    if free < RESERVE.saturating_add(bytes) { Err(UploadError::Full) } else { Ok(()) }
 }
 
 fn server(error: impl Display) -> UploadError {
@@ -257,7 +276,7 @@ async fn pass_on<E: Display>(
     body: &mut (impl Stream<Item = Result<Bytes, E>> + Unpin),
     chunks: mpsc::Sender<Bytes>,
 ) -> Result<(), UploadError> {
-    let (begun, mut received) = (Instant::now(), 0);
+    let (begun, mut received, mut looked_at) = (Instant::now(), 0, 0);
     let longest = app.settings.limits.zip_bytes;
     loop {
         let chunk = match timeout(SILENCE, body.next()).await {
@@ -269,6 +288,10 @@ async fn pass_on<E: Display>(
         app.metrics.uploaded_bytes.fetch_add(chunk.len() as u64, Ordering::Relaxed);
         if received > longest {
             return Err(UploadError::TooLong(longest));
+        }
+        if received >= looked_at + LOOK_AGAIN {
+            looked_at = received;
+            leave_room(app, 0)?;
         }
         if received < begun.elapsed().saturating_sub(SILENCE).as_secs() * SLOWEST {
             return Err(UploadError::Slow("less than 10 kB a second"));
@@ -300,7 +323,7 @@ async fn keep(app: AppState, upload: Upload, received: Received, slot: Slot) -> 
     }
     drop(slot);
     tracing::info!(submission = id, user = user.name, benchmark = new.benchmark, bytes, "taken in");
-    app.wake.notify_one();
+    app.wake.notify_waiters();
     Ok(id)
 }
 

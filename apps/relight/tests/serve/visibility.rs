@@ -70,6 +70,10 @@ fn anonymous_entries_do_not_tell_whose_they_are() {
     // Nor her account's name, which may be a part of a hexadecimal number.
     let told = told.text().to_lowercase();
     assert!(!told.contains("lovelace") && !told.contains("\"ada\""), "{told}");
+    // Without a name of its own the method would bear hers.
+    let path = "/api/v1/benchmarks/tiny/submissions?visibility=anonymous";
+    let refused = server.post(path, Some(&board.token), &board.zip(1, false));
+    assert!(refused.status == 400 && refused.text().contains("whose entry it is"), "{}", refused.text());
 }
 
 /// Paths that exist, with whatever may be put into them, and paths that climb.

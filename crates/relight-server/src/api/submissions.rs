@@ -1,5 +1,7 @@
 //! Submissions: sending, asking after, withdrawing.
 
+use std::num::NonZeroU32;
+
 use axum::body::Body;
 use axum::extract::{Path, Query, State};
 use axum::http::{HeaderMap, StatusCode, header};
@@ -13,7 +15,7 @@ use crate::app::{App, AppState, Client};
 use crate::disclosure::{ToldScores, tell};
 use crate::method::{Method, Phase, Visibility};
 use crate::receipt::Receipt;
-use crate::store::{Listing, State as Progressing, StoreError, SubmissionEntry, User};
+use crate::store::{State as Progressing, StoreError, SubmissionEntry, User};
 use crate::submission::Problem;
 use crate::time::Time;
 use crate::upload::{Upload, receive};
@@ -106,6 +108,9 @@ pub(super) async fn submit(
         method.name.clone_from(&user.name);
     }
     let method = method.checked()?;
+    if visibility == Visibility::Anonymous {
+        method.check_anonymous(&user).map_err(|problem| ApiError::new(StatusCode::BAD_REQUEST, problem))?;
+    }
     let declared = headers.get(header::CONTENT_LENGTH).and_then(|value| value.to_str().ok()?.parse().ok());
     let upload = Upload { user, benchmark, phase, visibility, method, declared };
     let id = receive(&app, upload, body.into_data_stream()).await?;
@@ -199,16 +204,24 @@ pub(super) async fn one(
     Ok(Json(told(&app, entry, is_own)))
 }
 
-/// All submissions of whoever asks, newest first: `GET /api/v1/submissions`.
+/// Which part of a list is asked for, from 1.
+#[derive(Debug, Deserialize)]
+pub(super) struct Part {
+    page: Option<NonZeroU32>,
+}
+
+/// Submissions of whoever asks, newest first, 50 at a time: `GET /api/v1/submissions?page=1`. `next` is the page that follows.
 pub(super) async fn own(
     State(app): State<AppState>,
     Extension(client): Extension<Client>,
+    Query(part): Query<Part>,
     headers: HeaderMap,
 ) -> Result<Json<Value>, ApiError> {
     let user = known_caller(&app, &headers, client).await?;
-    let all = app.store.submissions(Listing::OfUser(user.id)).await?;
-    let all: Vec<_> = all.into_iter().map(|entry| told(&app, entry, true)).collect();
-    Ok(Json(json!({ "submissions": all })))
+    let page = part.page.map_or(1, NonZeroU32::get);
+    let (entries, has_more) = app.store.submissions_page(Some(user.id), page).await?;
+    let entries: Vec<_> = entries.into_iter().map(|entry| told(&app, entry, true)).collect();
+    Ok(Json(json!({ "submissions": entries, "next": has_more.then_some(page.saturating_add(1)) })))
 }
 
 /// Withdraws a submission: `POST /api/v1/submissions/ID/withdraw`.

@@ -3,6 +3,7 @@
 use maud::{Markup, html};
 
 use super::entry::visibility_tag;
+use super::history::{Pages, parts};
 use super::shell::{Visitor, form_token, moment, page};
 use crate::leaderboard::percent_encoded;
 use crate::method::Phase;
@@ -57,7 +58,7 @@ fn quota(visitor: &Visitor, base: &str, phase: Phase, quota: Quota) -> Markup {
 }
 
 /// All submissions, newest first, each with the form to hide it or to show it again.
-pub fn submissions(visitor: &Visitor, entries: &[SubmissionEntry]) -> Markup {
+pub fn submissions(visitor: &Visitor, entries: &[SubmissionEntry], pages: Pages) -> Markup {
     let row = |entry: &SubmissionEntry| {
         let action = format!("/admin/submissions/{}/hidden", percent_encoded(&entry.id));
         html! {
@@ -88,7 +89,10 @@ pub fn submissions(visitor: &Visitor, entries: &[SubmissionEntry]) -> Markup {
     around(
         visitor,
         "Submissions",
-        &table("Submissions", &columns, &html! { @for entry in entries { (row(entry)) } }),
+        &html! {
+            (table("Submissions", &columns, &html! { @for entry in entries { (row(entry)) } }))
+            (parts(pages))
+        },
     )
 }
 

@@ -1,14 +1,16 @@
 //! What admins do by pages: the same as by commands, under their own names.
 
-use axum::extract::{Path, State};
+use axum::extract::{Path, Query, State};
 use axum::response::{Html, Redirect};
 use serde::Deserialize;
 
 use super::admin;
+use super::history::Pages;
 use super::session::{Guest, PageError, Posted};
+use super::submitting::Part;
 use crate::app::AppState;
 use crate::method::Phase;
-use crate::store::{Listing, Quota};
+use crate::store::Quota;
 
 /// Lines of the audit log that are shown.
 const SHOWN: u32 = 500;
@@ -21,11 +23,13 @@ pub(super) async fn benchmarks(State(app): State<AppState>, guest: Guest) -> Res
 
 pub(super) async fn submissions(
     State(app): State<AppState>,
+    Query(part): Query<Part>,
     guest: Guest,
 ) -> Result<Html<String>, PageError> {
     guest.admin()?;
-    let entries = app.store.submissions(Listing::All).await?;
-    Ok(Html(admin::submissions(&guest.visitor(), &entries).into_string()))
+    let (entries, has_more) = app.store.submissions_page(None, part.page()).await?;
+    let pages = Pages { page: part.page(), has_more };
+    Ok(Html(admin::submissions(&guest.visitor(), &entries, pages).into_string()))
 }
 
 pub(super) async fn audit(State(app): State<AppState>, guest: Guest) -> Result<Html<String>, PageError> {

@@ -32,8 +32,29 @@ pub struct Line {
     pub means: Vec<(String, Option<f64>, f64)>,
 }
 
-/// All submissions of a user, newest first; `benchmarks` are those that they may submit to.
-pub fn history(visitor: &Visitor, lines: &[Line], benchmarks: &[String]) -> Markup {
+/// Which part of a list is shown, from 1, and whether another follows.
+#[derive(Clone, Copy, Debug)]
+pub struct Pages {
+    /// The part.
+    pub page: u32,
+    /// Whether there are older ones.
+    pub has_more: bool,
+}
+
+/// The ways from this part of a list to those beside it.
+pub fn parts(Pages { page, has_more }: Pages) -> Markup {
+    html! {
+        @if page > 1 || has_more {
+            nav.actions aria-label="Parts of the list" {
+                @if page > 1 { a href=(format!("?page={}", page - 1)) rel="prev" { "Newer" } " " }
+                @if has_more { a href=(format!("?page={}", page.saturating_add(1))) rel="next" { "Older" } }
+            }
+        }
+    }
+}
+
+/// Submissions of a user, newest first; `benchmarks` are those that they may submit to.
+pub fn history(visitor: &Visitor, lines: &[Line], pages: Pages, benchmarks: &[String]) -> Markup {
     page(
         Some(visitor),
         "My submissions",
@@ -78,6 +99,7 @@ pub fn history(visitor: &Visitor, lines: &[Line], benchmarks: &[String]) -> Mark
                     }
                 }
             }
+            (parts(pages))
         },
     )
 }

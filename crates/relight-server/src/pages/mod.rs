@@ -62,6 +62,8 @@ pub(crate) fn routes() -> Router<AppState> {
         .route("/api/v1/benchmarks/{name}/leaderboard.csv", get(browse::leaderboard_csv))
 }
 
+pub(crate) use session::is_secure;
+
 /// Routes that take zips in.
 pub(crate) fn upload_routes() -> Router<AppState> {
     Router::new().route("/benchmarks/{name}/upload", get(submitting::upload_form).post(submitting::upload))

@@ -1,13 +1,17 @@
 //! Submitting from a form, and what users do with what they have submitted.
 
+use std::num::NonZeroU32;
+use std::time::Duration;
+
 use axum::extract::multipart::{Field, MultipartError};
-use axum::extract::{FromRequest, Multipart, Path, Request, State};
+use axum::extract::{FromRequest, Multipart, Path, Query, Request, State};
 use axum::http::StatusCode;
 use axum::response::{Html, IntoResponse, Redirect, Response};
 use serde::Deserialize;
+use tokio::time::{Instant, timeout_at};
 
 use super::browse::submission_page;
-use super::history::{self, Line};
+use super::history::{self, Line, Pages};
 use super::members::{Nothing, capital};
 use super::session::{Guest, PageError, Posted};
 use crate::api::ApiError;
@@ -15,25 +19,45 @@ use crate::app::AppState;
 use crate::disclosure::tell_mean;
 use crate::leaderboard::percent_encoded;
 use crate::method::{Method, Phase, Visibility};
-use crate::store::{BenchmarkEntry, Listing, SubmissionEntry, User};
+use crate::store::{BenchmarkEntry, SubmissionEntry, User};
 use crate::time::Time;
-use crate::upload::{Upload, receive};
+use crate::upload::{Upload, begin, receive_within};
 
 /// The longest field of the form besides the zip, bytes.
 const FIELD: usize = 32 << 10;
+/// How long all of these together may take.
+const FIELDS_TIME: Duration = Duration::from_secs(30);
 /// Fields of the form at most.
 const FIELDS: usize = 20;
 
-pub(super) async fn history(State(app): State<AppState>, guest: Guest) -> Result<Response, PageError> {
+/// Which part of a list is asked for, from 1.
+#[derive(Debug, Default, Deserialize)]
+pub(super) struct Part {
+    page: Option<NonZeroU32>,
+}
+
+impl Part {
+    pub(super) fn page(&self) -> u32 {
+        self.page.map_or(1, NonZeroU32::get)
+    }
+}
+
+pub(super) async fn history(
+    State(app): State<AppState>,
+    Query(part): Query<Part>,
+    guest: Guest,
+) -> Result<Response, PageError> {
+    let page = part.page();
     let user = match guest.signed_in("/account/submissions") {
         Ok(user) => user,
         Err(to_sign_in) => return Ok(to_sign_in.into_response()),
     };
-    let all = app.store.submissions(Listing::OfUser(user.id)).await?;
+    let (all, has_more) = app.store.submissions_page(Some(user.id), page).await?;
     let lines: Vec<Line> = all.into_iter().map(line).collect();
     let open = app.store.benchmarks().await?.into_iter().filter(|benchmark| benchmark.open);
     let open: Vec<String> = open.map(|benchmark| benchmark.name).collect();
-    Ok(Html(history::history(&guest.visitor(), &lines, &open).into_string()).into_response())
+    Ok(Html(history::history(&guest.visitor(), &lines, Pages { page, has_more }, &open).into_string())
+        .into_response())
 }
 
 fn line(entry: SubmissionEntry) -> Line {
@@ -113,13 +137,16 @@ async fn take_in(
 ) -> Result<String, PageError> {
     let bad = |problem: String| ApiError::new(StatusCode::BAD_REQUEST, problem);
     let broken = |error: MultipartError| bad(error.body_text());
+    let slot = begin(app, user.id)?;
+    let until = Instant::now() + FIELDS_TIME;
     let (mut method, mut phase, mut visibility) = (Method::default(), None, None);
     let mut is_ours = false;
     for _ in 0..FIELDS {
-        let Some(field) = multipart.next_field().await.map_err(broken)? else { break };
+        let next = timeout_at(until, multipart.next_field()).await.map_err(|_| too_slow())?;
+        let Some(field) = next.map_err(broken)? else { break };
         let name = field.name().unwrap_or("").to_owned();
         if name == "form_token" {
-            guest.check_form(&short(field).await?)?;
+            guest.check_form(&short(field, until).await?)?;
             is_ours = true;
             continue;
         }
@@ -130,18 +157,22 @@ async fn take_in(
         if name == "zip" {
             let phase = phase.ok_or_else(|| bad("say which images the zip shows".to_owned()))?;
             let visibility = visibility.ok_or_else(|| bad("say who shall see it".to_owned()))?;
+            let method = method.checked()?;
+            if visibility == Visibility::Anonymous {
+                method.check_anonymous(user).map_err(bad)?;
+            }
             let upload = Upload {
                 user: user.clone(),
                 benchmark: benchmark.to_owned(),
                 phase,
                 visibility,
-                method: method.checked()?,
+                method,
                 declared: None,
             };
-            return Ok(receive(app, upload, field).await?);
+            return Ok(receive_within(app, Ok(slot), upload, field).await?);
         }
-        let text = short(field).await?;
-        let slot = match name.as_str() {
+        let text = short(field, until).await?;
+        let line = match name.as_str() {
             "method" => &mut method.name,
             "authors" => &mut method.authors,
             "description" => &mut method.description,
@@ -160,7 +191,7 @@ async fn take_in(
             _ => return Err(bad("the form has a field that it should not have".to_owned()).into()),
         };
         // Browsers send line breaks as CR LF.
-        *slot = text.replace("\r\n", "\n");
+        *line = text.replace("\r\n", "\n");
     }
     if !is_ours {
         guest.check_form("")?;
@@ -168,11 +199,17 @@ async fn take_in(
     Err(bad("there is no zip in the form, or it does not come last".to_owned()).into())
 }
 
+fn too_slow() -> ApiError {
+    ApiError::new(StatusCode::REQUEST_TIMEOUT, "the form came too slowly")
+}
+
 /// The text of a field that is not the zip.
-async fn short(mut field: Field<'_>) -> Result<String, PageError> {
+async fn short(mut field: Field<'_>, until: Instant) -> Result<String, PageError> {
     let bad = |problem: &str| ApiError::new(StatusCode::BAD_REQUEST, problem);
     let mut text = Vec::new();
-    while let Some(chunk) = field.chunk().await.map_err(|error| bad(&error.body_text()))? {
+    loop {
+        let chunk = timeout_at(until, field.chunk()).await.map_err(|_| too_slow())?;
+        let Some(chunk) = chunk.map_err(|error| bad(&error.body_text()))? else { break };
         text.extend_from_slice(&chunk);
         if text.len() > FIELD {
             return Err(bad("a field of the form is too long").into());

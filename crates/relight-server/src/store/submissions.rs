@@ -27,6 +27,9 @@ text_enum! {
     }
 }
 
+/// Submissions of a part of a list.
+const PAGE: i64 = 50;
+
 /// A submission whose zip is stored.
 #[derive(Clone, Debug)]
 pub struct NewSubmission {
@@ -106,8 +109,6 @@ pub enum Listing<'a> {
     Board(&'a BenchmarkEntry),
     /// The same; the scores, which are long and never change, are left out.
     BoardWithoutScores(&'a BenchmarkEntry),
-    /// All of a user's.
-    OfUser(i64),
     /// All that there are; the scores are left out.
     All,
 }
@@ -225,12 +226,30 @@ impl Store {
             ))
             .bind(matches!(listing, Listing::Board(_)))
             .bind(benchmark.id),
-            Listing::OfUser(user) => {
-                sqlx::query(select!("WHERE submissions.user = ?2 ORDER BY number DESC")).bind(true).bind(user)
-            }
             Listing::All => sqlx::query(select!("ORDER BY number DESC")).bind(false),
         };
         query.fetch_all(&self.readers).await?.iter().map(submission).collect()
+    }
+
+    /// A part of a list, newest first and counted from 1: of all submissions, without their scores, or of a user's with them. Whether
+    /// another part follows is told too.
+    ///
+    /// # Errors
+    /// If the database fails.
+    pub async fn submissions_page(
+        &self,
+        user: Option<i64>,
+        page: u32,
+    ) -> Result<(Vec<SubmissionEntry>, bool), StoreError> {
+        let query = sqlx::query(select!(
+            "WHERE ?2 IS NULL OR submissions.user = ?2 ORDER BY number DESC LIMIT ?3 OFFSET ?4"
+        ));
+        let query = query.bind(user.is_some()).bind(user);
+        let query = query.bind(PAGE + 1).bind(PAGE * (i64::from(page) - 1).max(0));
+        let rows = query.fetch_all(&self.readers).await?;
+        let has_more = rows.len() as i64 > PAGE;
+        let entries = rows.iter().take(PAGE as usize).map(submission).collect::<Result<_, _>>()?;
+        Ok((entries, has_more))
     }
 
     /// Withdraws a submission: nobody but its user sees it any more. One that waits is not scored and costs nothing; one that
@@ -277,7 +296,7 @@ impl Store {
     /// Changes who sees a submission of a user's.
     ///
     /// # Errors
-    /// [`StoreError::Missing`] if the user has none of that name.
+    /// [`StoreError::Missing`] if the user has none of that name, [`StoreError::Refused`] if it would not be anonymous.
     pub async fn set_visibility(
         &self,
         id: &str,
@@ -285,6 +304,17 @@ impl Store {
         visibility: Visibility,
     ) -> Result<(), StoreError> {
         let mut writing = self.write().await?;
+        let row = sqlx::query("SELECT method FROM submissions WHERE id = ? AND user = ?")
+            .bind(id)
+            .bind(user.id)
+            .fetch_optional(&mut *writing)
+            .await?;
+        if visibility == Visibility::Anonymous
+            && let Some(row) = row
+        {
+            let method: Method = serde_json::from_str(row.try_get("method")?).map_err(damaged("method"))?;
+            method.check_anonymous(user).map_err(StoreError::Refused)?;
+        }
         let changed = sqlx::query("UPDATE submissions SET visibility = ? WHERE id = ? AND user = ?")
             .bind(visibility.as_str())
             .bind(id)

@@ -117,7 +117,7 @@ async fn of_many_at_once_as_many_pass_as_the_quota_allows() {
         }
     }
     assert_eq!(passed, 3);
-    assert_eq!(store.submissions(Listing::OfUser(user.id)).await.unwrap().len(), 3);
+    assert_eq!(store.submissions_page(Some(user.id), 1).await.unwrap().0.len(), 3);
 }
 
 #[tokio::test]
@@ -156,12 +156,12 @@ async fn what_is_refused_or_withdrawn_unscored_costs_nothing() {
     quota(&store, 1, 1, 3600).await;
     submit(&store, &user, "a", NOON).await.unwrap();
     submit(&store, &user, "b", NOON).await.unwrap_err();
-    store.claim(NOON).await.unwrap().unwrap();
+    store.claim(false, NOON).await.unwrap().unwrap();
     store.finish("a", &refused(), NOON).await.unwrap();
     submit(&store, &user, "b", NOON).await.unwrap();
     store.withdraw("b", Some(user.id), "ada", NOON).await.unwrap();
     submit(&store, &user, "c", NOON).await.unwrap();
-    store.claim(NOON).await.unwrap().unwrap();
+    store.claim(false, NOON).await.unwrap().unwrap();
     store.finish("c", &scored(), NOON).await.unwrap();
     store.withdraw("c", Some(user.id), "ada", NOON).await.unwrap();
     submit(&store, &user, "d", NOON).await.unwrap_err();
@@ -176,11 +176,51 @@ async fn validation_goes_first_and_each_is_claimed_once() {
     submit(&store, &user, "a", NOON).await.unwrap();
     submit(&store, &user, "b", NOON).await.unwrap();
     store.submit(&new("v", Phase::Val), user.id, NOON).await.unwrap();
-    let claim = async || store.claim(NOON).await.unwrap().map(|claim| claim.id);
+    let claim = async || store.claim(false, NOON).await.unwrap().map(|claim| claim.id);
+    let claim_validation = async || store.claim(true, NOON).await.unwrap().map(|claim| claim.id);
     assert_eq!(claim().await.as_deref(), Some("v"));
+    // Whoever scores validation alone has nothing to do, until more comes.
+    assert_eq!(claim_validation().await, None);
+    store.submit(&new("w", Phase::Val), user.id, NOON).await.unwrap();
+    assert_eq!(claim_validation().await.as_deref(), Some("w"));
     assert_eq!(claim().await.as_deref(), Some("a"));
     assert_eq!(claim().await.as_deref(), Some("b"));
     assert_eq!(claim().await, None);
+}
+
+#[tokio::test]
+async fn lists_come_in_parts() {
+    let (_folder, store, user) = store().await;
+    quota(&store, 200, 200, 0).await;
+    for i in 0..101 {
+        submit(&store, &user, &format!("s{i:03}"), NOON).await.unwrap();
+    }
+    for of in [Some(user.id), None] {
+        let mut seen = Vec::new();
+        for (page, length, follows) in [(1, 50, true), (2, 50, true), (3, 1, false), (4, 0, false)] {
+            let (entries, has_more) = store.submissions_page(of, page).await.unwrap();
+            assert_eq!((entries.len(), has_more), (length, follows), "page {page}");
+            seen.extend(entries.into_iter().map(|entry| entry.id));
+        }
+        let all: Vec<String> = (0..101).rev().map(|i| format!("s{i:03}")).collect();
+        assert_eq!(seen, all);
+    }
+    assert!(store.submissions_page(Some(user.id + 1), 1).await.unwrap().0.is_empty());
+}
+
+#[tokio::test]
+async fn an_entry_that_bears_its_users_name_cannot_become_anonymous() {
+    let (_folder, store, user) = store().await;
+    let named = |id: &str, name: &str| NewSubmission {
+        method: Method { name: name.to_owned(), ..Method::default() },
+        ..new(id, Phase::Test)
+    };
+    store.submit(&named("a", "Ada"), user.id, NOON).await.unwrap();
+    store.submit(&named("b", "Nameless"), user.id, NOON).await.unwrap();
+    let error = store.set_visibility("a", &user, Visibility::Anonymous).await.unwrap_err().to_string();
+    assert!(error.contains("whose entry it is"), "{error}");
+    store.set_visibility("a", &user, Visibility::Private).await.unwrap();
+    store.set_visibility("b", &user, Visibility::Anonymous).await.unwrap();
 }
 
 #[tokio::test]
@@ -189,7 +229,7 @@ async fn a_verdict_is_written_once() {
     submit(&store, &user, "a", NOON).await.unwrap();
     // Not before it is claimed.
     store.finish("a", &scored(), NOON).await.unwrap_err();
-    store.claim(NOON).await.unwrap().unwrap();
+    store.claim(false, NOON).await.unwrap().unwrap();
     store.finish("a", &scored(), NOON).await.unwrap();
     for again in [scored(), refused()] {
         store.finish("a", &again, NOON.after(HOUR)).await.unwrap_err();
@@ -207,15 +247,15 @@ async fn a_verdict_is_written_once() {
 async fn what_a_kill_interrupted_is_claimed_again_and_failures_wait() {
     let (folder, store, user) = store().await;
     submit(&store, &user, "a", NOON).await.unwrap();
-    store.claim(NOON).await.unwrap().unwrap();
+    store.claim(false, NOON).await.unwrap().unwrap();
     store.close().await;
     let store = Store::open(&folder.path().join("server.db")).await.unwrap();
-    assert!(store.claim(NOON).await.unwrap().is_none());
+    assert!(store.claim(false, NOON).await.unwrap().is_none());
     assert_eq!(store.requeue_interrupted().await.unwrap(), 1);
-    assert_eq!(store.claim(NOON).await.unwrap().unwrap().failures, 0);
+    assert_eq!(store.claim(false, NOON).await.unwrap().unwrap().failures, 0);
     store.put_back("a", Some(("no truth", HOUR)), NOON).await.unwrap();
-    assert!(store.claim(NOON.after(HOUR / 2)).await.unwrap().is_none());
-    assert_eq!(store.claim(NOON.after(HOUR)).await.unwrap().unwrap().failures, 1);
+    assert!(store.claim(false, NOON.after(HOUR / 2)).await.unwrap().is_none());
+    assert_eq!(store.claim(false, NOON.after(HOUR)).await.unwrap().unwrap().failures, 1);
 }
 
 #[tokio::test]
@@ -223,14 +263,14 @@ async fn what_is_withdrawn_while_it_is_scored_is_not_scored_again() {
     let (_folder, store, user) = store().await;
     for id in ["a", "b", "c"] {
         submit(&store, &user, id, NOON).await.unwrap();
-        store.claim(NOON).await.unwrap().unwrap();
+        store.claim(false, NOON).await.unwrap().unwrap();
         store.withdraw(id, Some(user.id), "ada", NOON).await.unwrap();
     }
     store.finish("a", &scored(), NOON).await.unwrap();
     store.put_back("b", None, NOON).await.unwrap();
     assert_eq!(store.requeue_interrupted().await.unwrap(), 1);
-    assert!(store.claim(NOON.after(HOUR)).await.unwrap().is_none());
-    let states = store.submissions(Listing::OfUser(user.id)).await.unwrap();
+    assert!(store.claim(false, NOON.after(HOUR)).await.unwrap().is_none());
+    let states = store.submissions_page(Some(user.id), 1).await.unwrap().0;
     let states: Vec<_> = states.iter().map(|entry| entry.state).collect();
     assert_eq!(states, [State::Refused, State::Refused, State::Scored]);
     assert!(store.kept_zips().await.unwrap().is_empty());
@@ -253,7 +293,7 @@ async fn boards_show_what_is_public_and_say_when_they_change() {
     };
     assert!(board().await.is_empty());
     for _ in 0..3 {
-        let claim = store.claim(NOON).await.unwrap().unwrap();
+        let claim = store.claim(false, NOON).await.unwrap().unwrap();
         store.finish(&claim.id, &scored(), NOON).await.unwrap();
     }
     assert_eq!(board().await, ["b", "a"]);
