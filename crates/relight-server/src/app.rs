@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use axum::Router;
 use axum::extract::{DefaultBodyLimit, MatchedPath, Request, State};
-use axum::http::{HeaderMap, StatusCode};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use tokio::sync::Notify;
@@ -31,6 +31,8 @@ use crate::upload::Uploads;
 
 /// The longest body of a request that is no upload, bytes.
 const BODY: usize = 64 << 10;
+/// What browsers that came by TLS are told: nothing but TLS for a year.
+const TLS_ALONE: &str = "max-age=31536000";
 /// How long a request that is no upload may take.
 const TIMEOUT: Duration = Duration::from_secs(30);
 
@@ -225,13 +227,17 @@ async fn observed(State(app): State<AppState>, mut request: Request, next: Next)
     let route = request.extensions().get::<MatchedPath>().map(|path| path.as_str().to_owned());
     let route = route.unwrap_or_else(|| "other".to_owned());
     let (method, path) = (request.method().clone(), request.uri().path().to_owned());
-    let response = match app.rates.request(client) {
+    let secure = pages::is_secure(&app, request.headers());
+    let mut response = match app.rates.request(client) {
         Ok(()) => next.run(request).await,
         Err(too_many) => {
             app.metrics.rate_limited.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
             ApiError::from(too_many).into_response()
         }
     };
+    if secure {
+        response.headers_mut().insert(header::STRICT_TRANSPORT_SECURITY, HeaderValue::from_static(TLS_ALONE));
+    }
     let (status, took) = (response.status(), begun.elapsed());
     app.metrics.answered(&route, status.as_u16(), took);
     let milliseconds = took.as_secs_f64() * 1000.0;

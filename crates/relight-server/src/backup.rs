@@ -18,6 +18,7 @@ use relight_scene::write_whole;
 
 use crate::data_folder::{DataFolder, FolderError, io_at};
 use crate::digest::{Hashing, sha256};
+use crate::receipt::{KeyError, ReceiptKey};
 use crate::store::{Store, StoreError};
 use crate::time::Time;
 
@@ -39,6 +40,9 @@ pub enum BackupError {
     /// The database.
     #[error(transparent)]
     Store(#[from] StoreError),
+    /// The key of receipts.
+    #[error(transparent)]
+    Key(#[from] KeyError),
     /// The file is no backup, or a damaged one.
     #[error("{path}: {problem}")]
     Damaged {
@@ -71,6 +75,8 @@ pub async fn backup(
     let copied = Store::open(&copy).await?;
     let (kept, waiting) = (copied.kept_zips().await?, copied.waiting().await?);
     copied.close().await;
+    // The server makes it at its first start, which may be still to come.
+    ReceiptKey::open(&folder.receipt_key())?;
     let mut files = vec![("server.db".to_owned(), copy), ("receipt-key".to_owned(), folder.receipt_key())];
     for id in kept.keys() {
         if zips || waiting.contains(id) {

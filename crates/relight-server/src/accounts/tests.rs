@@ -102,3 +102,17 @@ async fn unfit_names_are_refused_and_hosts_decide_who_signs_up() {
     let error = sign_up(&store, "bob", "bob@example.org", good).await.unwrap_err();
     assert!(matches!(error, AccountError::Closed), "{error}");
 }
+
+#[tokio::test]
+async fn baselines_are_nobodys() {
+    let (_folder, store) = store().await;
+    for name in ["baselines", "Baselines"] {
+        let error = sign_up(&store, name, "a@example.org", "correct horse").await.unwrap_err().to_string();
+        assert!(error.contains("not to be had"), "{error}");
+    }
+    let made = baselines(&store).await.unwrap();
+    assert_eq!(baselines(&store).await.unwrap().id, made.id);
+    // Somebody had the name before it was kept.
+    set_password(&store, &made, "correct horse", "baselines").await.unwrap();
+    assert!(baselines(&store).await.unwrap_err().to_string().contains("somebody has an account"));
+}

@@ -65,3 +65,18 @@ async fn addresses_are_the_proxys_word_only_where_there_is_a_proxy() {
     assert_eq!(behind.client(&headers, Some(direct)), IpAddr::from([198, 51, 100, 7]));
     assert_eq!(behind.client(&HeaderMap::new(), Some(direct)), direct);
 }
+
+#[tokio::test]
+async fn who_comes_by_tls_is_told_to_stay_with_it() {
+    for (behind_proxy, scheme, is_secure) in
+        [(true, "https", true), (true, "http", false), (false, "https", false)]
+    {
+        let (_folder, app) = app(Settings { behind_proxy, ..Settings::default() }).await;
+        let request = Request::builder().uri("/sign-in").header("x-forwarded-proto", scheme);
+        let service = TowerToHyperService::new(router(app));
+        let answer = service.call(request.body(Body::empty()).unwrap()).await.unwrap();
+        let cookie = answer.headers()[header::SET_COOKIE].to_str().unwrap();
+        assert_eq!(cookie.contains("; Secure"), is_secure, "{cookie}");
+        assert_eq!(answer.headers().contains_key(header::STRICT_TRANSPORT_SECURITY), is_secure);
+    }
+}

@@ -10,16 +10,12 @@ use relight_server::accounts;
 use relight_server::app::{App, Settings};
 use relight_server::benchmark::Benchmark;
 use relight_server::method::{Method, Phase, Visibility};
-use relight_server::store::StoreError;
 use relight_server::upload::{Upload, receive_file};
 use relight_train::baselines::{NearestLight, mean_image};
 use tempfile::NamedTempFile;
 
 use crate::console::{Progress, cancel_flag, print_line, unless};
 use crate::stored_zip;
-
-/// Whose entries they are.
-const USER: &str = "baselines";
 
 /// Names of the two, and what they are.
 const BASELINES: [(&str, &str); 2] = [
@@ -31,13 +27,7 @@ const BASELINES: [(&str, &str); 2] = [
 pub async fn enter(data: &Path, name: &str, quiet: bool) -> anyhow::Result<()> {
     let app = App::open(data, Settings::default()).await?;
     let benchmark = app.store.benchmark(name).await?;
-    let user = match app.store.user(USER).await {
-        // Its token is for nobody.
-        Err(StoreError::Missing { .. }) => {
-            accounts::add_user(&app.store, USER, &format!("{USER}@localhost")).await?.0
-        }
-        found => found?,
-    };
+    let user = accounts::baselines(&app.store).await?;
     let new = || NamedTempFile::new_in(app.folder.incoming()).context("no room for a zip");
     let zips = [new()?, new()?];
     tokio::task::block_in_place(|| draw(&Benchmark::layout(&benchmark.folder)?, &zips, quiet))?;
