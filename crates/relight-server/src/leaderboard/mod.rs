@@ -177,6 +177,16 @@ pub struct Leaderboard {
     pub tables: Vec<Table>,
 }
 
+impl Table {
+    /// The place of a row among those that compete, by its mean, whatever is shown of the table and in which order; those that are
+    /// equal share the better one.
+    pub fn place(&self, row: &Row, metric: Metric) -> usize {
+        // Without errors PSNR has no finite value, and is above all others.
+        let height = |row: &Row| row.standing(metric).mean.unwrap_or(f64::INFINITY);
+        1 + self.rows.iter().filter(|other| !other.about.baseline && height(other) > height(row)).count()
+    }
+}
+
 impl Leaderboard {
     /// Sets entries beside each other. `scenes` are the benchmark's, each with its number of validation, easy and hard images (the
     /// order of [`SCORED`]). The order of the entries does not matter; one that lacks a scene of a split is not in its table.

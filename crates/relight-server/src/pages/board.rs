@@ -85,7 +85,7 @@ pub fn board(board: &Leaderboard, view: &View) -> Markup {
                             }
                         } }
                     }
-                    @for (index, row) in entries.iter().enumerate() { (line(table, view, row, Some(index + 1))) }
+                    @for row in &entries { (line(table, view, row, Some(table.place(row, view.metric)))) }
                 }
                 @if !baselines.is_empty() {
                     tbody.baselines {

@@ -20,10 +20,7 @@ const sort = (table, head, falls) => {
   rows.sort((a, b) => (falls ? -1 : 1) * compare(key(a, column), key(b, column)));
   for (const other of table.tHead.rows[0].cells) other.removeAttribute("aria-sort");
   head.setAttribute("aria-sort", falls ? "descending" : "ascending");
-  rows.forEach((row, index) => {
-    row.querySelector(".place").textContent = index + 1;
-    body.append(row);
-  });
+  body.append(...rows);
 };
 
 for (const table of document.querySelectorAll("table[data-sortable]")) {
