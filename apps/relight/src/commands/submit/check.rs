@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
+use relight_scene::Split;
 use relight_server::benchmark::Benchmark;
+use relight_server::method::Phase;
 use relight_server::submission::{Limits, Problem, Submission, SubmissionError, check};
 use serde::Serialize;
 
@@ -21,6 +23,10 @@ pub struct Args {
     /// Folder of the benchmark's scenes.
     #[arg(long, value_name = "DIR")]
     scenes: PathBuf,
+    /// The phase that it is for: `val` takes validation images alone, `test` no zip that has nothing else. [default: whichever
+    /// its images are for]
+    #[arg(long, value_name = "test|val")]
+    phase: Option<Phase>,
     /// One JSON object on standard output.
     #[arg(long)]
     json: bool,
@@ -38,6 +44,7 @@ struct Verdict<'a> {
 pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let refusal = match checked(&args.zip, &args.scenes, quiet) {
         Ok(submission) => {
+            check_phase(&submission, args.phase, &args.zip)?;
             let splits: Vec<String> = submission.splits.iter().map(ToString::to_string).collect();
             let images = submission.images.len();
             if args.json {
@@ -74,6 +81,25 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         args.zip.display(),
         if all == 1 { "" } else { "s" }
     )
+}
+
+/// The phase that a submission's images are for.
+pub(super) fn phase_of(submission: &Submission) -> Phase {
+    if submission.splits == [Split::Val] { Phase::Val } else { Phase::Test }
+}
+
+/// Refuses, as the server does, a submission that is for another phase than the one that is meant.
+pub(super) fn check_phase(submission: &Submission, meant: Option<Phase>, zip: &Path) -> anyhow::Result<()> {
+    let fits = phase_of(submission);
+    if let Some(meant) = meant.filter(|&meant| meant != fits) {
+        let holds =
+            if fits == Phase::Val { "validation images alone" } else { "images of the hidden splits" };
+        bail!(
+            "{}: the server would refuse it in the {meant} phase, for it holds {holds}: send it to {fits}",
+            zip.display()
+        );
+    }
+    Ok(())
 }
 
 /// Checks a zip against a folder of scenes, with progress, until Ctrl-C.

@@ -7,11 +7,12 @@ use std::thread;
 use std::time::Duration;
 
 use anyhow::{Context, bail, ensure};
+use relight_server::method::Phase;
 use serde_json::Value;
 use ureq::http::StatusCode;
 use ureq::{Agent, SendBody};
 
-use super::check::checked;
+use super::check::{check_phase, checked, phase_of};
 use super::client;
 use crate::console::{Progress, cancel_flag, print_json, print_line, unless};
 
@@ -41,9 +42,9 @@ pub struct Args {
     /// Your token; better in the variable RELIGHT_TOKEN, since other users of a machine see arguments.
     #[arg(long)]
     token: Option<String>,
-    /// Which images: test (easy and hard) or val. [default: the server's, test]
+    /// Which images: test (easy and hard) or val. [default: with --scenes whichever the zip's images are for, else test]
     #[arg(long, value_name = "test|val")]
-    phase: Option<String>,
+    phase: Option<Phase>,
     /// Who shall see it: public, anonymous or private. [default: the server's, public]
     #[arg(long, value_name = "public|anonymous|private")]
     visibility: Option<String>,
@@ -88,11 +89,14 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     if !client::is_private(&server) {
         tracing::warn!("{server}: the token is sent unencrypted; use https where the server has it");
     }
+    let mut phase = args.phase;
     if let Some(scenes) = &args.scenes {
-        checked(&args.zip, scenes, quiet)?;
+        let submission = checked(&args.zip, scenes, quiet)?;
+        check_phase(&submission, phase, &args.zip)?;
+        phase = Some(phase_of(&submission));
     }
     let agent = client::agent();
-    let answer = upload(args, &agent, &server, &token, quiet)?;
+    let answer = upload(args, phase, &agent, &server, &token, quiet)?;
     let id = answer["id"].as_str().with_context(|| format!("{server}: its answer names no id: {answer}"))?;
     if !args.wait {
         return if args.json { print_json(&answer) } else { print_line(id) };
@@ -108,12 +112,20 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
 }
 
 /// Sends the zip; the answer, if the server took it.
-fn upload(args: &Args, agent: &Agent, server: &str, token: &str, quiet: bool) -> anyhow::Result<Value> {
+fn upload(
+    args: &Args,
+    phase: Option<Phase>,
+    agent: &Agent,
+    server: &str,
+    token: &str,
+    quiet: bool,
+) -> anyhow::Result<Value> {
     let at = || args.zip.display().to_string();
     let zip = File::open(&args.zip).with_context(at)?;
     let bytes = zip.metadata().with_context(at)?.len();
+    let phase = phase.map(|phase| phase.to_string());
     let told = [
-        ("phase", &args.phase),
+        ("phase", &phase),
         ("visibility", &args.visibility),
         ("method", &args.method),
         ("authors", &args.authors),
