@@ -14,8 +14,9 @@ use super::{Camera, CameraError, Frame};
 /// How often the folder is looked at.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Takes the photographs that appear in a folder. A command may be given that shoots (`gphoto2
-/// --capture-image-and-download`, say); without one, somebody or something else is to press the button.
+/// Takes the photographs that appear in a folder from when it is asked for one. A command may be given that shoots (`gphoto2
+/// --capture-image-and-download`, say); without one, somebody or something else is to press the button. Of the files of one
+/// photograph (raw and developed, say) one may be an image that can be read.
 pub struct FolderCamera {
     folder: PathBuf,
     /// The program that shoots, and its arguments.
@@ -66,14 +67,28 @@ impl Camera for FolderCamera {
     }
 
     fn shoot(&mut self) -> Result<Frame, CameraError> {
+        // What has come since the last photograph is of another moment.
+        self.seen.extend(files(&self.folder)?);
         self.press()?;
         let started = Instant::now();
         loop {
-            let new = files(&self.folder)?.into_iter().find(|path| !self.seen.contains(path));
             // A file that is still being written cannot be read whole: it is looked at again until time is up.
-            let image = new.map(|path| (read_image(&path), path));
-            match image {
-                Some((Ok(image), path)) => {
+            let new = files(&self.folder)?.into_iter().filter(|path| !self.seen.contains(path));
+            let (mut images, mut others) = (Vec::new(), Vec::new());
+            for path in new {
+                match read_image(&path) {
+                    Ok(image) => images.push((image, path)),
+                    Err(error) => others.push((error, path)),
+                }
+            }
+            if let [(_, first), (_, second), ..] = &images[..] {
+                return Err(CameraError::Failed {
+                    problem: format!("{} and {} have come at once", first.display(), second.display()),
+                    mend: "Let the camera save one image of each photograph.",
+                });
+            }
+            match (images.pop(), others.pop()) {
+                (Some((image, path)), _) => {
                     self.seen.insert(path.clone());
                     if (image.width, image.height) != self.size {
                         let (w, h) = self.size;
@@ -84,11 +99,11 @@ impl Camera for FolderCamera {
                     }
                     return Ok(Frame::Developed(image));
                 }
-                Some((Err(error), path)) if started.elapsed() > self.patience => {
+                (None, Some((error, path))) if started.elapsed() > self.patience => {
                     self.seen.insert(path);
                     return Err(CameraError::Incomplete(error.to_string()));
                 }
-                None if started.elapsed() > self.patience => {
+                (None, None) if started.elapsed() > self.patience => {
                     let seconds = self.patience.as_secs_f64();
                     return Err(CameraError::NoPhotograph { folder: self.folder.clone(), seconds });
                 }
@@ -134,9 +149,33 @@ mod tests {
         image(1).write_png(&folder.path().join("1.png")).unwrap();
         let mut camera = camera(folder.path(), &[]);
         assert!(matches!(camera.shoot(), Err(CameraError::NoPhotograph { .. })));
+        // One that came while nobody asked: the button was pressed on the way, or a second file is late.
         image(2).write_png(&folder.path().join("2.png")).unwrap();
-        assert_eq!(camera.shoot().unwrap(), Frame::Developed(image(2)));
         assert!(matches!(camera.shoot(), Err(CameraError::NoPhotograph { .. })));
+        let later = folder.path().join("3.png");
+        let pressed = std::thread::spawn(move || {
+            sleep(Duration::from_millis(100));
+            image(3).write_png(&later).unwrap();
+        });
+        assert_eq!(camera.shoot().unwrap(), Frame::Developed(image(3)));
+        pressed.join().unwrap();
+        assert!(matches!(camera.shoot(), Err(CameraError::NoPhotograph { .. })));
+    }
+
+    #[test]
+    fn a_raw_file_beside_the_image_is_left_alone_and_two_images_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let shelf = folder.path().join("elsewhere");
+        fs::create_dir(&shelf).unwrap();
+        fs::write(shelf.join("1.raw"), "no image").unwrap();
+        image(7).write_png(&shelf.join("2.png")).unwrap();
+        image(8).write_png(&shelf.join("3.png")).unwrap();
+        let mut both = camera(folder.path(), &["cp", "elsewhere/1.raw", "elsewhere/2.png", "."]);
+        assert_eq!(both.shoot().unwrap(), Frame::Developed(image(7)));
+        fs::remove_file(folder.path().join("2.png")).unwrap();
+        let mut two = camera(folder.path(), &["cp", "elsewhere/2.png", "elsewhere/3.png", "."]);
+        let error = two.shoot().unwrap_err().to_string();
+        assert!(error.contains("2.png and") && error.contains("3.png have come at once"), "{error}");
     }
 
     #[test]
@@ -153,11 +192,13 @@ mod tests {
     #[test]
     fn damaged_and_ill_sized_photographs_are_told_apart() {
         let folder = tempfile::tempdir().unwrap();
-        let mut camera = camera(folder.path(), &[]);
-        fs::write(folder.path().join("1.png"), &image(1).png().unwrap()[..30]).unwrap();
-        assert!(matches!(camera.shoot(), Err(CameraError::Incomplete(_))));
-        Image { width: 2, height: 1, data: vec![0; 6] }.write_png(&folder.path().join("2.png")).unwrap();
-        let error = camera.shoot().unwrap_err().to_string();
+        let shelf = folder.path().join("elsewhere");
+        fs::create_dir(&shelf).unwrap();
+        fs::write(shelf.join("1.png"), &image(1).png().unwrap()[..30]).unwrap();
+        Image { width: 2, height: 1, data: vec![0; 6] }.write_png(&shelf.join("2.png")).unwrap();
+        let mut damaged = camera(folder.path(), &["cp", "elsewhere/1.png", "."]);
+        assert!(matches!(damaged.shoot(), Err(CameraError::Incomplete(_))));
+        let error = camera(folder.path(), &["cp", "elsewhere/2.png", "."]).shoot().unwrap_err().to_string();
         assert!(error.contains("is 2x1, not 4x3"), "{error}");
     }
 }
