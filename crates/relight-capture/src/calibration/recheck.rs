@@ -33,7 +33,7 @@ impl Default for Tolerance {
 /// What a re-check has found.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Recheck {
-    /// Whether at least one waypoint was seen, and none has moved.
+    /// Whether the board was seen from all waypoints that there are photographs of, and none has moved.
     pub holds: bool,
     /// One for each view.
     pub waypoints: Vec<Shift>,
@@ -74,8 +74,8 @@ pub fn recheck(
         Ok(shift(calibration, &lens, view, &compose(&world_to_board, &stored), tolerance))
     };
     let waypoints = views.iter().map(shift).collect::<Result<Vec<_>, RecheckError>>()?;
-    let seen = waypoints.iter().any(|waypoint| waypoint.pixels.is_some());
-    Ok(Recheck { holds: seen && !waypoints.iter().any(|w| w.has_moved), waypoints })
+    let holds = !waypoints.is_empty() && waypoints.iter().all(|w| w.pixels.is_some() && !w.has_moved);
+    Ok(Recheck { holds, waypoints })
 }
 
 /// Why a re-check is not possible.

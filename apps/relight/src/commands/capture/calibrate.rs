@@ -123,7 +123,17 @@ fn check(args: &Args, board: &Board, quiet: bool) -> anyhow::Result<()> {
         file.display(),
         args.session.join(BOARD).display()
     );
-    let (views, _) = look(&by_waypoint(&args.session.join(RECHECK))?, board, quiet)?;
+    let (views, size) = look(&by_waypoint(&args.session.join(RECHECK))?, board, quiet)?;
+    let lens = &calibration.intrinsics;
+    ensure!(
+        size == (lens.width, lens.height),
+        "{}: the photographs are {}x{}, those of the calibration {}x{}; shoot them as those were",
+        args.session.join(RECHECK).display(),
+        size.0,
+        size.1,
+        lens.width,
+        lens.height
+    );
     let found = recheck(&calibration, &views, Tolerance::default())?;
     if args.json {
         print_json(&found)?;
@@ -133,7 +143,11 @@ fn check(args: &Args, board: &Board, quiet: bool) -> anyhow::Result<()> {
             let number = |value: Option<f64>| value.map_or("-".to_owned(), |v| format!("{v:.3}"));
             let [pixels, shift, moved] =
                 [w.pixels, w.metres.map(|m| m * 1e3), w.camera_moved.map(|m| m * 1e3)];
-            let says = if w.has_moved { "  moved" } else { "" };
+            let says = match (w.pixels, w.has_moved) {
+                (None, _) => "  the board is not seen",
+                (_, true) => "  moved",
+                _ => "",
+            };
             let (pixels, shift, moved) = (number(pixels), number(shift), number(moved));
             print_line(&format!(
                 "{:8}  {:7}  {pixels:>8}  {shift:>8}  {moved:>15}{says}",
@@ -141,9 +155,17 @@ fn check(args: &Args, board: &Board, quiet: bool) -> anyhow::Result<()> {
             ))?;
         }
     }
-    if !found.holds {
+    if found.waypoints.iter().any(|w| w.has_moved) {
         bail!("{}: no longer holds; calibrate anew", file.display());
     }
+    let unseen: Vec<String> =
+        found.waypoints.iter().filter(|w| w.pixels.is_none()).map(|w| w.label.to_string()).collect();
+    ensure!(
+        found.holds,
+        "the board is not seen from waypoint {}, so nobody knows whether the calibration holds there; lay it where it lay, \
+         light it, and photograph it again",
+        unseen.join(", ")
+    );
     Ok(())
 }
 
