@@ -5,9 +5,9 @@ use std::io;
 use relight_scene::Pose;
 use serde_json::{Value, json};
 
-use super::super::arm::Joints;
+use super::super::arm::{Joints, largest_difference};
 use super::arm::{Health, Refusal, SimulatedArm, Snapshot, Step};
-use super::model::roll_pitch_yaw;
+use super::model::{of_roll_pitch_yaw, roll_pitch_yaw};
 use super::server::Wire;
 
 /// Error codes: JSON-RPC's own, and Elite's for a controller that is not in remote mode.
@@ -68,9 +68,10 @@ fn refusal(id: &Value, code: i64, message: &str) -> Value {
 
 fn call(method: &str, parameters: &Value, arm: &mut SimulatedArm) -> Result<Value, (i64, &'static str)> {
     let now = arm.snapshot();
+    let is_in_degrees = parameters.get("unit_type").and_then(Value::as_i64) == Some(0);
     let pose = |pose: Pose| {
         let mut pose = roll_pitch_yaw(&pose);
-        if parameters.get("unit_type").and_then(Value::as_i64) == Some(0) {
+        if is_in_degrees {
             pose[3..].iter_mut().for_each(|angle| *angle = angle.to_degrees());
         }
         json!(pose)
@@ -85,8 +86,24 @@ fn call(method: &str, parameters: &Value, arm: &mut SimulatedArm) -> Result<Valu
         "getCollisionState" => json!(i32::from(now.health == Health::ProtectiveStop)),
         "get_joint_pos" | "getRobotPos" => json!(eight_degrees(&now.joints)),
         "get_joint_speed" => json!(eight_degrees(&now.speeds)),
-        "getRobotPose" | "get_tcp_pose" | "get_base_flange_pose" => pose((now.model.flange)(&now.joints)),
-        "positiveKinematic" => pose((now.model.flange)(&target(parameters)?)),
+        "getRobotPose" | "get_tcp_pose" | "get_base_flange_pose" => pose(now.model.flange(&now.joints)),
+        "positiveKinematic" => pose(now.model.flange(&joints(parameters, "targetPos")?)),
+        "inverseKinematic" => {
+            let mut pose = numbers(parameters, "targetPose")?;
+            if is_in_degrees {
+                pose[3..].iter_mut().for_each(|angle| *angle = angle.to_radians());
+            }
+            let near = match parameters.get("referencePos") {
+                Some(_) => joints(parameters, "referencePos")?,
+                None => now.joints,
+            };
+            let solutions = now.model.arm.inverse_within_limits(&of_roll_pitch_yaw(pose), &near);
+            let apart = |joints: &Joints| largest_difference(joints, &near).1;
+            let nearest = solutions
+                .ok()
+                .and_then(|found| found.into_iter().min_by(|a, b| apart(a).total_cmp(&apart(b))));
+            json!(eight_degrees(&nearest.ok_or((BAD_PARAMETERS, "targetPose is out of reach"))?))
+        }
         "getSoftVersion" => json!("v3.5.2"),
         "getRobotType" => json!(62),
         "getRobotSubtype" => json!(6),
@@ -130,8 +147,11 @@ fn order(
                 parameters.get("speed").and_then(Value::as_f64).filter(|v| (0.05..=100.0).contains(v));
             let percent = percent.ok_or((BAD_PARAMETERS, "speed is outside 0.05 to 100"))?;
             let speed = 0.01 * percent * now.model.full_speed;
-            let step =
-                Step::Move { target: target(parameters)?, speed, acceleration: now.model.acceleration };
+            let step = Step::Move {
+                target: joints(parameters, "targetPos")?,
+                speed,
+                acceleration: now.model.acceleration,
+            };
             match arm.run(vec![step]) {
                 Ok(()) => true,
                 Err(Refusal::Bad) => return Err((BAD_PARAMETERS, "targetPos is out of range")),
@@ -153,23 +173,26 @@ fn order(
     }))
 }
 
-/// `targetPos`: six to eight angles in degrees; those of external axes do not matter.
-fn target(parameters: &Value) -> Result<Joints, (i64, &'static str)> {
-    let fault = (BAD_PARAMETERS, "targetPos is not six to eight numbers");
-    let list = parameters.get("targetPos").and_then(Value::as_array).ok_or(fault)?;
-    let angles =
-        list.iter().map(|v| v.as_f64().map(f64::to_radians)).collect::<Option<Vec<_>>>().ok_or(fault)?;
-    if angles.len() > 8 {
+/// Six to eight angles in degrees, by their key, in radians; those of external axes do not matter.
+fn joints(parameters: &Value, key: &str) -> Result<Joints, (i64, &'static str)> {
+    Ok(numbers(parameters, key)?.map(f64::to_radians))
+}
+
+/// The first six of six to eight numbers, by their key.
+fn numbers(parameters: &Value, key: &str) -> Result<[f64; 6], (i64, &'static str)> {
+    let fault = (BAD_PARAMETERS, "a position or pose is not six to eight numbers");
+    let list = parameters.get(key).and_then(Value::as_array).ok_or(fault)?;
+    let numbers = list.iter().map(Value::as_f64).collect::<Option<Vec<_>>>().ok_or(fault)?;
+    if numbers.len() > 8 {
         return Err(fault);
     }
-    angles.first_chunk().copied().ok_or(fault)
+    numbers.first_chunk().copied().ok_or(fault)
 }
 
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
 
-    use super::super::super::arm::largest_difference;
     use super::super::super::golden;
     use super::super::{SimulatedModel, SimulationSettings};
     use super::*;
@@ -201,7 +224,11 @@ mod tests {
             ("{", NO_JSON),
             ("[]", NO_METHOD),
             (r#"{"method":"dance","id":1}"#, NO_METHOD),
-            (r#"{"method":"inverseKinematic","id":1}"#, NO_METHOD),
+            (r#"{"method":"inverseKinematic","id":1}"#, BAD_PARAMETERS),
+            (
+                r#"{"method":"inverseKinematic","params":{"targetPose":[9000,0,0,0,0,0]},"id":1}"#,
+                BAD_PARAMETERS,
+            ),
             (
                 r#"{"method":"moveByJoint","params":{"targetPos":[0,0,0,0,0,0],"speed":0},"id":1}"#,
                 BAD_PARAMETERS,
@@ -220,6 +247,24 @@ mod tests {
     }
 
     #[test]
+    fn joints_are_found_for_a_pose_near_where_one_asks() {
+        let mut arm = arm();
+        let mut ask = |method: &str, parameters: Value| -> Vec<f64> {
+            let question = json!({"method": method, "params": parameters, "id": 1}).to_string();
+            serde_json::from_str(answer(&question, &mut arm)["result"].as_str().unwrap()).unwrap()
+        };
+        let there = [30.0, -70.0, 80.0, -95.0, 75.0, 20.0];
+        for unit in [0, 1] {
+            let pose = ask("positiveKinematic", json!({"targetPos": there, "unit_type": unit}));
+            let near = there.map(|angle| angle + 3.0);
+            let found =
+                ask("inverseKinematic", json!({"targetPose": pose, "referencePos": near, "unit_type": unit}));
+            assert!(there.iter().zip(&found).all(|(a, b)| (a - b).abs() < 1e-6), "{found:?}");
+            assert_eq!(found.len(), 8);
+        }
+    }
+
+    #[test]
     fn the_monitor_says_what_a_driver_reads() {
         let mut arm = arm();
         let snapshot = arm.snapshot();
@@ -232,7 +277,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_words_make_it_panic(words in "[ -~]{0,60}", method in "moveByJoint|positiveKinematic|get_tcp_pose", parameters in "[0-9\\[\\]{}:,e-]{0,30}") {
+        fn no_words_make_it_panic(words in "[ -~]{0,60}", method in "moveByJoint|positiveKinematic|inverseKinematic|get_tcp_pose", parameters in "[0-9\\[\\]{}:,e-]{0,30}") {
             answer(&words, &mut arm());
             answer(&format!(r#"{{"method":"{method}","params":{parameters},"id":1}}"#), &mut arm());
             answer(&format!(r#"{{"method":"{method}","params":{{"targetPos":[{parameters}],"speed":5}},"id":1}}"#), &mut arm());

@@ -32,7 +32,7 @@ pub(super) fn serve(wire: &mut Wire) -> io::Result<()> {
 /// The packet of one moment, `time` in ms since 1970.
 pub(super) fn packet(now: &Snapshot, time: u64) -> Vec<u8> {
     let mut packet = Vec::with_capacity(LENGTH);
-    let pose = roll_pitch_yaw(&(now.model.flange)(&now.joints));
+    let pose = roll_pitch_yaw(&now.model.flange(&now.joints));
     let mut put = |bytes: &[u8]| packet.extend_from_slice(bytes);
     let doubles = |values: &[f64]| values.iter().flat_map(|v| v.to_be_bytes()).collect::<Vec<_>>();
     put(&(LENGTH as u32).to_be_bytes());

@@ -5,7 +5,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use relight_scene::Pose;
 
 use super::super::arm::Joints;
-use crate::kinematics::{EC66, UR5E};
+use crate::kinematics::{ArmModel, EC66, UR5E};
 
 /// What a simulation needs to know of an arm.
 #[derive(Debug)]
@@ -18,18 +18,23 @@ pub struct SimulatedModel {
     pub full_speed: f64,
     /// Acceleration where a client asks for none, rad/s^2.
     pub acceleration: f64,
-    /// Forward kinematics: flange-to-base for joint angles in rad, metres.
-    pub flange: fn(&Joints) -> Pose,
+    /// Its kinematics.
+    pub arm: ArmModel,
 }
 
 impl SimulatedModel {
+    /// Flange-to-base for joint angles in rad, metres.
+    pub fn flange(&self, joints: &Joints) -> Pose {
+        self.arm.forward(joints)
+    }
+
     /// Universal Robots' UR5e.
     pub const UR5E: SimulatedModel = SimulatedModel {
         home: [0.0, -FRAC_PI_2, FRAC_PI_2, -FRAC_PI_2, -FRAC_PI_2, 0.0],
         reach: [TAU; 6],
         full_speed: PI,
         acceleration: 1.4,
-        flange: |q| UR5E.forward(q),
+        arm: UR5E,
     };
 
     /// Elite's EC66.
@@ -38,7 +43,7 @@ impl SimulatedModel {
         reach: [TAU, TAU, 160.0 * PI / 180.0, TAU, TAU, TAU],
         full_speed: PI,
         acceleration: 1.4,
-        flange: |q| EC66.forward(q),
+        arm: EC66,
     };
 }
 
@@ -77,6 +82,16 @@ pub(super) fn roll_pitch_yaw(Pose(m): &Pose) -> [f64; 6] {
     [1e3 * m[0][3], 1e3 * m[1][3], 1e3 * m[2][3], roll, pitch, yaw]
 }
 
+/// The pose of position (mm) and roll, pitch, yaw (rad).
+pub(super) fn of_roll_pitch_yaw([x, y, z, roll, pitch, yaw]: [f64; 6]) -> Pose {
+    let ((sr, cr), (sp, cp), (sy, cy)) = (roll.sin_cos(), pitch.sin_cos(), yaw.sin_cos());
+    Pose([
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr, 1e-3 * x],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr, 1e-3 * y],
+        [-sp, cp * sr, cp * cr, 1e-3 * z],
+    ])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -90,7 +105,7 @@ mod tests {
             [2.0, -1.0, 0.5, 2.5, 0.1, -3.0],
             SimulatedModel::UR5E.home,
         ] {
-            let pose = (SimulatedModel::UR5E.flange)(&joints);
+            let pose = SimulatedModel::UR5E.flange(&joints);
             let [_, _, _, x, y, z] = rotation_vector(&pose);
             let angle = (x * x + y * y + z * z).sqrt();
             let (s, c) = angle.sin_cos();

@@ -78,11 +78,11 @@ mod tests {
             [2.0, -1.6, 2.0, -2.0, -1.57, 1.0],
         ] {
             let noise = Repeatability::new(11);
-            let wanted = (SimulatedModel::UR5E.flange)(&target).position();
+            let wanted = SimulatedModel::UR5E.flange(&target).position();
             let n = 2000;
             let sum: f64 = (0..n)
                 .map(|motion| {
-                    let reached = (SimulatedModel::UR5E.flange)(&noise.reached(motion, &target)).position();
+                    let reached = SimulatedModel::UR5E.flange(&noise.reached(motion, &target)).position();
                     reached.iter().zip(wanted).map(|(a, b)| (a - b) * (a - b)).sum::<f64>()
                 })
                 .sum();

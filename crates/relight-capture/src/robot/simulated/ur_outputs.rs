@@ -10,7 +10,7 @@ const BITS: std::ops::Range<u32> = 64..128;
 
 /// The value of an output, `None` where there is none of that name.
 pub(super) fn output(name: &str, arm: &Snapshot) -> Option<Value> {
-    let pose = || rotation_vector(&(arm.model.flange)(&arm.joints));
+    let pose = || rotation_vector(&arm.model.flange(&arm.joints));
     Some(match name {
         "timestamp" => Value::Double(arm.time),
         "target_q" | "actual_q" => Value::Vector6(arm.joints),
@@ -125,7 +125,7 @@ pub(super) fn input_type(name: &str) -> Option<&'static str> {
 fn flange_speed(arm: &Snapshot) -> [f64; 6] {
     const STEP: f64 = 1e-6;
     let later = std::array::from_fn(|i| arm.joints[i] + STEP * arm.speeds[i]);
-    let (a, b) = ((arm.model.flange)(&arm.joints).0, (arm.model.flange)(&later).0);
+    let (a, b) = (arm.model.flange(&arm.joints).0, arm.model.flange(&later).0);
     let rate = |i: usize, j: usize| (b[i][j] - a[i][j]) / STEP;
     // Half the sum of r x dr over the axes r.
     let angular = |i: usize| {
