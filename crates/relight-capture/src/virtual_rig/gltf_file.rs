@@ -10,7 +10,7 @@ use base64::Engine;
 use glam::{DMat4, DVec3, dvec2};
 use gltf::accessor::{DataType, Dimensions};
 use gltf::{Accessor, Document, Gltf, Node, Primitive, Semantic, mesh::Mode};
-use relight_scene::{decode_image, read_bytes};
+use relight_scene::{Image, decode_image, read_bytes};
 
 use super::Model;
 use super::error::RigError;
@@ -87,6 +87,14 @@ fn le_u32(bytes: &[u8]) -> u32 {
     bytes.iter().rev().fold(0, |sum, &b| sum << 8 | u32::from(b))
 }
 
+/// The mean of each channel as it is stored, 0 to 1.
+fn means(image: &Image) -> [f64; 3] {
+    let sum =
+        |channel: usize| image.data.iter().skip(channel).step_by(3).map(|&byte| f64::from(byte)).sum::<f64>();
+    let samples = 255.0 * (image.data.len() / 3).max(1) as f64;
+    [0, 1, 2].map(|channel| sum(channel) / samples)
+}
+
 struct File<'a> {
     path: &'a Path,
     document: &'a Document,
@@ -113,10 +121,16 @@ impl File<'_> {
             }
             None => Texture::Uniform(factor),
         };
+        // Surfaces have one roughness and are metal or are not: of a picture of both, green and blue, the means.
+        let mut factors = [f64::from(stated.roughness_factor()), f64::from(stated.metallic_factor())];
+        if let Some(texture) = stated.metallic_roughness_texture() {
+            let means = means(&self.decoded(&texture.texture().source())?);
+            factors.iter_mut().zip(&means[1..]).for_each(|(factor, mean)| *factor *= mean);
+        }
+        let [roughness, metallic] = factors;
         // glTF's roughness is the square root of the width.
-        let roughness = f64::from(stated.roughness_factor());
         let alpha = if roughness.is_finite() { (roughness * roughness).clamp(0.02, 1.0) } else { 1.0 };
-        Ok(if stated.metallic_factor() > 0.5 && stated.metallic_roughness_texture().is_none() {
+        Ok(if metallic > 0.5 {
             Material::Conductor { reflectance, alpha }
         } else {
             Material::Glossy { reflectance, alpha, ior: 1.5 }
@@ -124,11 +138,15 @@ impl File<'_> {
     }
 
     fn image(&self, image: &gltf::Image) -> Result<Raster, RigError> {
+        Raster::from_image(&self.decoded(image)?)
+    }
+
+    fn decoded(&self, image: &gltf::Image) -> Result<Image, RigError> {
         let bytes = match image.source() {
             gltf::image::Source::View { view, .. } => Cow::Borrowed(self.view(&view)?),
             gltf::image::Source::Uri { uri, .. } => Cow::Owned(resource(self.path, uri)?),
         };
-        Raster::from_image(&decode_image(self.path, &bytes)?)
+        Ok(decode_image(self.path, &bytes)?)
     }
 
     fn view(&self, view: &gltf::buffer::View) -> Result<&[u8], RigError> {

@@ -122,6 +122,29 @@ fn a_gltf_is_read_with_its_nodes_and_material() {
     }
 }
 
+/// Exporters keep both in one picture, in green and blue.
+#[test]
+fn metal_and_roughness_come_from_a_picture_too() {
+    let folder = tempfile::tempdir().unwrap();
+    for (blue, is_metal) in [(230, true), (20, false)] {
+        let picture = Image { width: 2, height: 1, data: vec![0, 255, blue, 0, 153, blue] };
+        picture.write_png(&folder.path().join("mr.png")).unwrap();
+        let text = gltf(&[
+            (r#""roughnessFactor":0.5"#, r#""roughnessFactor":0.5,"metallicRoughnessTexture":{"index":0}"#),
+            (r#""accessors""#, r#""textures":[{"source":0}],"images":[{"uri":"mr.png"}],"accessors""#),
+        ]);
+        let model = read_model(&write(folder.path(), "p.gltf", text.as_bytes())).unwrap();
+        let (alpha, is_conductor) = match &model.parts[0].material {
+            Material::Conductor { alpha, .. } => (*alpha, true),
+            Material::Glossy { alpha, .. } => (*alpha, false),
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(is_conductor, is_metal);
+        // The mean of green is 0.8 of its range.
+        assert!((alpha - 0.4 * 0.4).abs() < 1e-3, "{alpha}");
+    }
+}
+
 #[test]
 fn hostile_gltfs_are_refused() {
     let folder = tempfile::tempdir().unwrap();
