@@ -140,8 +140,18 @@ impl Progress {
     }
 }
 
-/// A flag that the first Ctrl-C or SIGTERM sets; one a second later ends the program at once. The end
-/// of the terminal is left alone, so that `nohup` means what it says.
+/// Set by the second Ctrl-C where something has to be stopped before the program may end.
+static STOP: AtomicBool = AtomicBool::new(false);
+static IS_STOP_HEEDED: AtomicBool = AtomicBool::new(false);
+
+/// A flag that the second Ctrl-C or SIGTERM sets, for what must not be left moving; the third ends the program.
+pub fn stop_flag() -> &'static AtomicBool {
+    IS_STOP_HEEDED.store(true, Ordering::Relaxed);
+    &STOP
+}
+
+/// A flag that the first Ctrl-C or SIGTERM sets; one a second later ends the program at once, unless somebody heeds
+/// [`stop_flag`]. The end of the terminal is left alone, so that `nohup` means what it says.
 pub fn cancel_flag() -> anyhow::Result<&'static AtomicBool> {
     static FLAG: AtomicBool = AtomicBool::new(false);
     static IS_LISTENING: Mutex<bool> = Mutex::new(false);
@@ -149,12 +159,16 @@ pub fn cancel_flag() -> anyhow::Result<&'static AtomicBool> {
     if !*is_listening {
         let mut signals = Signals::new([SIGINT, SIGTERM])?;
         std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
-            let mut first = None;
+            let mut last = None;
             for _ in signals.forever() {
                 FLAG.store(true, Ordering::Relaxed);
-                if first.get_or_insert_with(Instant::now).elapsed() >= PATIENCE {
+                if last.get_or_insert_with(Instant::now).elapsed() < PATIENCE {
+                    continue;
+                }
+                if !IS_STOP_HEEDED.load(Ordering::Relaxed) || STOP.swap(true, Ordering::Relaxed) {
                     signal_hook::low_level::exit(130);
                 }
+                last = Some(Instant::now());
             }
         })?;
         *is_listening = true;

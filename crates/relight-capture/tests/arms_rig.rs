@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
@@ -62,6 +63,8 @@ struct Recorded {
     fails: Option<usize>,
     /// The motion during which this arm, waiting, goes into emergency stop.
     pressed: Option<usize>,
+    /// The motion during which somebody pushes it out of its place.
+    pushed: Option<usize>,
 }
 
 impl Arm for Recorded {
@@ -72,7 +75,11 @@ impl Arm for Recorded {
         } else {
             ArmStatus::Idle
         };
-        Ok(ArmState { status, ..self.arm.state()? })
+        let mut state = ArmState { status, ..self.arm.state()? };
+        if self.pushed.is_some_and(|at| count > at) {
+            state.joints[2] += 0.02;
+        }
+        Ok(state)
     }
 
     fn move_while(
@@ -114,7 +121,7 @@ fn rig<'a>(
         prepared,
         [CAMERA, LIGHT].map(|which| {
             let arm = DryRun::new(prepared.itinerary.arm(which).name.clone(), stands[which]);
-            Recorded { which, arm, record: Arc::clone(record), fails, pressed: None }
+            Recorded { which, arm, record: Arc::clone(record), fails, pressed: None, pushed: None }
         }),
     )
 }
@@ -213,18 +220,39 @@ fn a_fault_stops_both_arms_and_they_are_taken_up_from_where_they_stand() {
 #[test]
 fn an_arm_does_not_go_on_when_the_waiting_one_is_stopped() {
     let prepared = prepared(2, 3);
-    let record = Record::default();
     let stands = homes(&prepared);
     // The first motion is the camera's.
-    let arms = [(CAMERA, None), (LIGHT, Some(0))].map(|(which, pressed)| {
-        let arm = DryRun::new(prepared.itinerary.arm(which).name.clone(), stands[which]);
-        Recorded { which, arm, record: Arc::clone(&record), fails: None, pressed }
-    });
-    let fault =
-        walk(&mut rig_of(&prepared, arms).unwrap(), &shots(&prepared), &mut go).unwrap_err().to_string();
-    assert!(fault.contains("the light arm") && fault.contains("in emergency stop"), "{fault}");
-    let events = record.lock().unwrap().clone();
-    assert!(matches!(events[0], Event::Moved(CAMERA, ..)));
+    let cases = [
+        (Some(0), None, "in emergency stop"),
+        (None, Some(0), "has moved since it arrived: joint 3 is 0.0200"),
+    ];
+    for (pressed, pushed, says) in cases {
+        let record = Record::default();
+        let arms = [(CAMERA, None, None), (LIGHT, pressed, pushed)].map(|(which, pressed, pushed)| {
+            let arm = DryRun::new(prepared.itinerary.arm(which).name.clone(), stands[which]);
+            Recorded { which, arm, record: Arc::clone(&record), fails: None, pressed, pushed }
+        });
+        let fault =
+            walk(&mut rig_of(&prepared, arms).unwrap(), &shots(&prepared), &mut go).unwrap_err().to_string();
+        assert!(fault.contains("the light arm") && fault.contains(says), "{fault}");
+        let events = record.lock().unwrap().clone();
+        assert!(matches!(events[0], Event::Moved(CAMERA, ..)));
+        assert_eq!(events[1..], [Event::Stopped(CAMERA), Event::Stopped(LIGHT)]);
+    }
+}
+
+#[test]
+fn arms_stop_in_the_midst_of_a_motion_when_they_are_told_to() {
+    let prepared = prepared(2, 3);
+    let (record, stop) = (Record::default(), AtomicBool::new(false));
+    let mut rig = rig(&prepared, homes(&prepared), None, &record).unwrap().interruptible(&stop);
+    rig.view(0).unwrap();
+    let before = record.lock().unwrap().len();
+    stop.store(true, Ordering::Relaxed);
+    let fault = rig.light(1).unwrap_err().to_string();
+    assert!(fault.contains("told to stop") && fault.contains("--resume"), "{fault}");
+    let events = record.lock().unwrap()[before..].to_vec();
+    assert!(matches!(events[0], Event::Moved(LIGHT, ..)));
     assert_eq!(events[1..], [Event::Stopped(CAMERA), Event::Stopped(LIGHT)]);
 }
 

@@ -1,18 +1,22 @@
 //! Two arms and a camera, driven along the motions of an itinerary.
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use super::error::ArmsFault;
 use super::itinerary::{CAMERA, Itinerary, LIGHT, station};
 use super::roadmap::HOME;
-use super::whereabouts::{Whereabouts, locate};
+use super::whereabouts::{NEAR, Whereabouts, locate};
 use crate::camera::{CameraError, Frame};
 use crate::kinematics::Joints;
-use crate::robot::{Arm, ArmError, ArmStatus, JointSpeed, MotionPlan, PlannedMotion};
+use crate::robot::{
+    Arm, ArmError, ArmState, ArmStatus, JointSpeed, MotionPlan, PlannedMotion, largest_difference,
+};
 use crate::session::{Rig, RigFault, Target};
 
-/// An arm that waits may be measured this far from its station, radians; farther, something moved it.
+/// An arm may be measured this far from its station when a photograph is taken, radians; farther, something moved it. While it waits
+/// for the other it may be [`NEAR`], as it may be where it begins to move.
 const STANDS: f64 = 2e-3;
 /// How often the arm that waits is looked at while the other moves.
 const LOOK: Duration = Duration::from_millis(100);
@@ -83,6 +87,7 @@ pub struct ArmsRig<'a> {
     stands: [Whereabouts; 2],
     stance: Option<Stance>,
     travel: Travel,
+    interrupt: Option<&'a AtomicBool>,
 }
 
 impl<'a> ArmsRig<'a> {
@@ -99,7 +104,8 @@ impl<'a> ArmsRig<'a> {
         pace: Pace,
     ) -> Result<ArmsRig<'a>, ArmsFault> {
         let (stands, stance, travel) = ([Whereabouts::At(HOME); 2], None, Travel::default());
-        let mut rig = ArmsRig { itinerary, labels, arms, eye, pace, stands, stance, travel };
+        let interrupt = None;
+        let mut rig = ArmsRig { itinerary, labels, arms, eye, pace, stands, stance, travel, interrupt };
         let joints = [rig.ready(CAMERA)?, rig.ready(LIGHT)?];
         let astray = |arm: usize| ArmsFault::Astray {
             arm: itinerary.arm(arm).name.clone(),
@@ -116,6 +122,13 @@ impl<'a> ArmsRig<'a> {
         let light = light.filter(is_possible).ok_or_else(|| astray(LIGHT))?;
         rig.stands = [camera, light];
         Ok(rig)
+    }
+
+    /// Ends motions as soon as a flag is set: both arms are told to stop.
+    #[must_use]
+    pub fn interruptible(mut self, flag: &'a AtomicBool) -> ArmsRig<'a> {
+        self.interrupt = Some(flag);
+        self
     }
 
     /// How far the arms went so far.
@@ -135,12 +148,8 @@ impl<'a> ArmsRig<'a> {
     /// The measured joints of an arm that is at rest and ready.
     fn ready(&mut self, arm: usize) -> Result<Joints, ArmsFault> {
         let name = || self.itinerary.arm(arm).name.clone();
-        let state = self.arms[arm].state().map_err(|fault| ArmsFault::Arm { arm: name(), fault })?;
-        if state.status == ArmStatus::Idle {
-            return Ok(state.joints);
-        }
-        let fault = ArmError::Stopped { address: ITS_CONTROLLER.to_owned(), status: state.status };
-        Err(ArmsFault::Arm { arm: name(), fault })
+        let joints = self.arms[arm].state().and_then(idle);
+        joints.map_err(|fault| ArmsFault::Arm { arm: name(), fault })
     }
 
     /// Takes an arm to a station by planned motions.
@@ -174,8 +183,9 @@ impl<'a> ArmsRig<'a> {
             itinerary.cell().check_motion(&at(from), &at(to))
         });
         let plan = plan.map_err(|fault| ArmsFault::Refused { arm: name(), fault })?;
+        self.standing(other, NEAR)?;
         for motion in plan.motions() {
-            self.move_along(arm, motion)?;
+            self.move_along(arm, motion, itinerary.joints(other, beside))?;
             self.travel.motions[arm] += 1;
             self.travel.time = self.travel.time.saturating_add(motion.duration());
         }
@@ -183,31 +193,36 @@ impl<'a> ArmsRig<'a> {
         Ok(())
     }
 
-    /// Moves an arm while the other stands ready.
-    fn move_along(&mut self, arm: usize, motion: &PlannedMotion) -> Result<(), ArmsFault> {
-        let named = |arm: usize, fault| ArmsFault::Arm { arm: self.itinerary.arm(arm).name.clone(), fault };
+    /// Moves an arm while the other stands ready at its station, of joints `beside`.
+    fn move_along(&mut self, arm: usize, motion: &PlannedMotion, beside: &Joints) -> Result<(), ArmsFault> {
+        let name = |arm: usize| self.itinerary.arm(arm).name.clone();
+        let interrupt = self.interrupt;
         let [camera, light] = &mut self.arms;
         let (moving, waiting) = if arm == CAMERA { (camera, light) } else { (light, camera) };
-        let (mut looked, mut unready) = (None::<Instant>, None);
-        let moved = moving.move_while(motion, &mut || {
+        let (mut looked, mut reason) = (None::<Instant>, None);
+        let mut look = || {
+            if interrupt.is_some_and(|flag| flag.load(Ordering::Relaxed)) {
+                return Err(ArmsFault::Interrupted);
+            }
             if looked.is_some_and(|looked| looked.elapsed() < LOOK) {
                 return Ok(());
             }
             looked = Some(Instant::now());
             let state = waiting.state();
-            let idle = state.and_then(|state| match state.status {
-                ArmStatus::Idle => Ok(()),
-                status => Err(ArmError::Stopped { address: ITS_CONTROLLER.to_owned(), status }),
-            });
-            idle.inspect_err(|fault| unready = Some(fault.clone()))
+            let state = state.and_then(idle).map_err(|fault| ArmsFault::Arm { arm: name(1 - arm), fault })?;
+            displaced(&state, beside, NEAR, || name(1 - arm)).map_or(Ok(()), Err)
+        };
+        let moved = moving.move_while(motion, &mut || {
+            look().map_err(|fault| {
+                reason = Some(fault);
+                ArmError::Stopped { address: ITS_CONTROLLER.to_owned(), status: ArmStatus::Idle }
+            })
         });
-        match (moved, unready) {
+        match (moved, reason) {
             (Ok(_), _) => Ok(()),
-            // The moving arm failed because the waiting one did; that it was then not stopped weighs more.
-            (Err(fault), Some(unready)) if !matches!(fault, ArmError::NotStopped { .. }) => {
-                Err(named(1 - arm, unready))
-            }
-            (Err(fault), _) => Err(named(arm, fault)),
+            // The moving arm failed for that reason; that it was then not stopped weighs more.
+            (Err(fault), Some(reason)) if !matches!(fault, ArmError::NotStopped { .. }) => Err(reason),
+            (Err(fault), _) => Err(ArmsFault::Arm { arm: name(arm), fault }),
         }
     }
 
@@ -233,23 +248,21 @@ impl<'a> ArmsRig<'a> {
         let to = self.waypoint(LIGHT, light)?;
         self.go(LIGHT, to)?;
         thread::sleep(self.pace.settle);
-        let joints = [self.standing(CAMERA)?, self.standing(LIGHT)?];
+        let joints = [self.standing(CAMERA, STANDS)?, self.standing(LIGHT, STANDS)?];
         if let Some(stance) = &mut self.stance {
             (stance.light, stance.joints) = (light, joints);
         }
         Ok(())
     }
 
-    /// The measured joints of an arm that stands where it was brought.
-    fn standing(&mut self, arm: usize) -> Result<Joints, ArmsFault> {
+    /// The measured joints of an arm that stands where it was brought, or as near.
+    fn standing(&mut self, arm: usize, near: f64) -> Result<Joints, ArmsFault> {
         let joints = self.ready(arm)?;
         if let Whereabouts::At(station) = self.stands[arm] {
-            let expected = self.itinerary.joints(arm, station);
-            let off: Vec<f64> = joints.iter().zip(expected).map(|(a, b)| (a - b).abs()).collect();
-            let farthest = (0..off.len()).max_by(|&a, &b| off[a].total_cmp(&off[b]));
-            if let Some(joint) = farthest.filter(|&joint| off[joint] > STANDS) {
-                let arm = self.itinerary.arm(arm).name.clone();
-                return Err(ArmsFault::Moved { arm, joint, off: off[joint] });
+            let (expected, name) =
+                (self.itinerary.joints(arm, station), || self.itinerary.arm(arm).name.clone());
+            if let Some(moved) = displaced(&joints, expected, near, name) {
+                return Err(moved);
             }
         }
         Ok(joints)
@@ -270,6 +283,25 @@ impl<'a> ArmsRig<'a> {
         }
         fault
     }
+}
+
+/// The joints of an arm that is at rest and ready.
+fn idle(state: ArmState) -> Result<Joints, ArmError> {
+    match state.status {
+        ArmStatus::Idle => Ok(state.joints),
+        status => Err(ArmError::Stopped { address: ITS_CONTROLLER.to_owned(), status }),
+    }
+}
+
+/// What is wrong with an arm, of some name, that is farther than `near` from where it is to stand.
+fn displaced(
+    joints: &Joints,
+    expected: &Joints,
+    near: f64,
+    name: impl FnOnce() -> String,
+) -> Option<ArmsFault> {
+    let (joint, off) = largest_difference(joints, expected);
+    (off > near).then(|| ArmsFault::Moved { arm: name(), joint, off })
 }
 
 impl Rig for ArmsRig<'_> {
@@ -300,7 +332,7 @@ impl Rig for ArmsRig<'_> {
     fn show(&mut self, target: Target) -> Result<(), RigFault> {
         let motion = |fault: ArmsFault| RigFault::Motion(Box::new(fault));
         self.park().map_err(motion)?;
-        let joints = [self.standing(CAMERA), self.standing(LIGHT)];
+        let joints = [self.standing(CAMERA, STANDS), self.standing(LIGHT, STANDS)];
         let [camera, light] = joints.map(|joints| joints.map_err(motion));
         self.stance = Some(Stance { view: 0, light: 0, joints: [camera?, light?] });
         self.eye.show(target)

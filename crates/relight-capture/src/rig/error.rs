@@ -58,6 +58,9 @@ pub enum ArmsFault {
         /// By how much, radians.
         off: f64,
     },
+    /// Whoever runs the session wants the arms to stop.
+    #[error("the arms were told to stop; look that nothing is in their way, then go on (--resume)")]
+    Interrupted,
     /// The plan has no motions there.
     #[error("no planned motion leads the {arm} to its waypoint {label}: it is none that the plan visits")]
     NoWay {

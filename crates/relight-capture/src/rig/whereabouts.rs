@@ -4,7 +4,7 @@ use super::itinerary::Itinerary;
 use crate::kinematics::Joints;
 
 /// How near to a planned place an arm must be measured, radians: as near as a motion asks for that begins there.
-const NEAR: f64 = 5e-3;
+pub(super) const NEAR: f64 = 5e-3;
 
 /// Where an arm stands.
 #[derive(Clone, Copy, Debug, PartialEq)]

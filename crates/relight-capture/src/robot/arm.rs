@@ -88,7 +88,7 @@ pub trait Arm: Send {
 
 /// The joint in which two positions differ most, and by how much, radians. A difference that is not a number counts as
 /// the largest.
-pub(super) fn largest_difference(a: &Joints, b: &Joints) -> (usize, f64) {
+pub(crate) fn largest_difference(a: &Joints, b: &Joints) -> (usize, f64) {
     let mut largest = (0, 0.0);
     for (joint, (a, b)) in a.iter().zip(b).enumerate() {
         let difference = (a - b).abs();

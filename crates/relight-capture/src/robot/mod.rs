@@ -26,6 +26,7 @@ mod trapezoid;
 mod ur;
 
 pub use addresses::{AddressFault, EliteAddresses, UrAddresses};
+pub(crate) use arm::largest_difference;
 pub use arm::{Arm, ArmState, ArmStatus, Joints};
 pub use dry_run::DryRun;
 pub use elite::EliteArm;
