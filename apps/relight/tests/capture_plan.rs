@@ -21,6 +21,7 @@ fn a_plan_and_its_picture_are_written() {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let said = String::from_utf8(output.stdout).unwrap();
     assert!(said.contains("camera 50 of 50 waypoints") && said.contains("light  40 of 40"), "{said}");
+    assert!(said.contains("no arms were asked"), "{said}");
     let made = Plan::read(&folder.path().join("plan.json")).unwrap();
     assert_eq!(made, Plan::new(&PlanSettings::default()).unwrap());
     assert_eq!(read_image(&folder.path().join("plan.png")).unwrap().width, 1500);
@@ -61,7 +62,7 @@ fn rigs_that_cannot_be_are_refused_by_name() {
 fn arms_that_are_given_are_asked_what_they_reach() {
     let folder = tempfile::tempdir().unwrap();
     let help = String::from_utf8(plan(folder.path(), "--help").stdout).unwrap();
-    let (_, arms) = help.split_once("virtual rig does:").unwrap();
+    let (_, arms) = help.split_once("taken to be reached:").unwrap();
     let (arms, _) = arms.split_once("`relight capture run").unwrap();
     fs::write(folder.path().join("rig.toml"), arms).unwrap();
     let said = String::from_utf8(plan(folder.path(), "--rig rig.toml --out plan.json").stdout).unwrap();
@@ -72,6 +73,9 @@ fn arms_that_are_given_are_asked_what_they_reach() {
     let said = String::from_utf8(output.stdout).unwrap();
     assert!(said.contains("camera 50 of 50") && said.contains("light  39 of 40"), "{said}");
     assert!(said.contains("is unreachable: too near the base's axis"), "{said}");
+    let output = plan(folder.path(), "--rig virtual --out plan.json --picture plan.png");
+    let said = String::from_utf8(output.stdout).unwrap();
+    assert!(said.contains("camera 50 of 50") && !said.contains("no arms were asked"), "{said}");
     // A wall between the light's arm and half of its places.
     let wall = |hi: &str| arms.replace("walls = []", &format!("walls = [{{ lo = [-1, 0, 0], hi = {hi} }}]"));
     fs::write(folder.path().join("rig.toml"), wall("[1, 0.02, 1]")).unwrap();

@@ -1,22 +1,24 @@
 //! `relight capture plan`: where camera and light go, and in which order.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use relight_capture::kinematics::{ArmsSettings, Cell};
 use relight_capture::rig::{Itinerary, RigFile, SetupError};
 use relight_capture::trajectory::{Plan, Reach, Trajectory, picture};
+use relight_capture::virtual_rig::VirtualCapture;
 
+use super::run::VIRTUAL;
 use crate::console::print_line;
 use crate::places;
 
 /// Plan a capture: waypoints of camera and light on equal-area cells around the object, and a short way through them.
 ///
-/// Without a rig file the plan is that of the paper: 50 cameras on a wedge, 40 lights on a dome.
+/// Without a rig file the plan is that of the paper: 50 cameras on a wedge, 40 lights on a dome, and no arms that are asked.
 #[derive(clap::Args)]
 #[command(
     after_help = "Example:\n  relight capture plan --rig rig.toml --out plan.json --picture plan.png\n\n\
-                  A rig file holds some or all of these tables; here with what is taken without them:\n\n  \
+                  A rig file holds some or all of these tables, each as a whole; here with what is taken without them:\n\n  \
                   [object]                               # the box that holds it, metres; all look at its middle\n  \
                   lo = [-0.1, -0.1, 0.0]\n  \
                   hi = [0.1, 0.1, 0.15]\n\n  \
@@ -32,7 +34,7 @@ use crate::places;
                   colatitude-degrees = [5.0, 43.0]\n  \
                   radius-metres = [0.363, 0.414]\n\n\
                   With a table of arms, which waypoints they reach is found out, and joints travel little; without it all are \
-                  taken to be reached, as the virtual rig does:\n\n  \
+                  taken to be reached:\n\n  \
                   [arms]\n  \
                   camera = { model = \"ec66\", base-metres = [0.0, -1.0, 0.0], yaw-degrees = 0.0 }\n  \
                   light = { model = \"ur5e\", base-metres = [-0.124, 0.464, 0.03] }\n  \
@@ -43,8 +45,8 @@ use crate::places;
                   `relight capture run --help` shows the tables that shooting takes."
 )]
 pub struct Args {
-    /// Where camera and light may stand, and the object: a TOML file.
-    #[arg(long, value_name = "rig.toml")]
+    /// Where camera and light may stand, the object, and the arms: a TOML file; or `virtual`, the rig of `capture run`.
+    #[arg(long, value_name = "virtual|rig.toml")]
     rig: Option<PathBuf>,
     /// Plan to write.
     #[arg(long, value_name = "plan.json")]
@@ -58,7 +60,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     for path in [Some(&args.out), args.picture.as_ref()].into_iter().flatten() {
         places::check_file(path)?;
     }
-    let file = args.rig.as_deref().map(RigFile::read).transpose()?.unwrap_or_default();
+    let file = match args.rig.as_deref() {
+        Some(rig) if rig == Path::new(VIRTUAL) => virtual_rig(),
+        Some(rig) => RigFile::read(rig)?,
+        None => RigFile::default(),
+    };
     let named = || match &args.rig {
         Some(rig) => rig.display().to_string(),
         None => "the paper's rig".to_owned(),
@@ -74,7 +80,25 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             itinerary.as_ref().map(|it| reaches(it.cell())).map_or([None, None], |reaches| reaches.map(Some));
         picture(&plan, camera.as_ref(), light.as_ref()).write_png(path)?;
     }
-    print_line(&format!("{}\n{}", told("camera", &plan.camera), told("light", &plan.light)))
+    print_line(&format!("{}\n{}", told("camera", &plan.camera), told("light", &plan.light)))?;
+    if itinerary.is_none() {
+        print_line(
+            "no arms were asked whether they reach these: name a rig file with a table [arms], or --rig virtual",
+        )?;
+    }
+    Ok(())
+}
+
+/// The rig that needs no file.
+fn virtual_rig() -> RigFile {
+    let domes = VirtualCapture::domes();
+    RigFile {
+        object: Some(domes.object),
+        camera: Some(domes.camera),
+        light: Some(domes.light),
+        arms: Some(VirtualCapture::arms()),
+        ..RigFile::default()
+    }
 }
 
 /// How far both arms reach with what they carry.
