@@ -114,6 +114,38 @@ fn release(light: &Controller) {
     }
 }
 
+/// Two controllers and a camera that saves to a folder.
+#[test]
+fn a_board_is_photographed_by_arms_and_a_camera_of_their_own() {
+    let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
+    let _controllers = rig(&folder, "");
+    let file = fs::read_to_string(folder.path().join("rig.toml")).unwrap();
+    fs::create_dir(folder.path().join("shots")).unwrap();
+    relight_scene::Image { width: 8, height: 6, data: vec![90; 3 * 48] }
+        .write_png(&folder.path().join("grey.png"))
+        .unwrap();
+    let camera = "[photographs]\nfrom = \"folder\"\nfolder = \"shots\"\nsize = [8, 6]\n\
+                  command = [\"sh\", \"-c\", \"cp ../grey.png $(ls | wc -l).png\"]\n";
+    let file = file.replace("[photographs]\nfrom = \"virtual\"\n", camera);
+    fs::write(folder.path().join("rig.toml"), file).unwrap();
+    let said = succeed(&folder, "capture shoot-board --rig rig.toml --out session");
+    assert!(said.contains("from 2 waypoints") && said.contains("[[touches]]"), "{said}");
+    let session = folder.path().join("session");
+    let photographs = || fs::read_dir(session.join("board")).unwrap().count();
+    assert_eq!(photographs(), 2);
+    let board = fs::read_to_string(session.join("board.toml")).unwrap();
+    assert!(board.contains("columns") && !board.contains("touches"), "{board}");
+    // What somebody adds stays, and only what is missing is shot.
+    fs::write(session.join("board.toml"), format!("# mine\n{board}")).unwrap();
+    fs::remove_file(session.join("board/00001.png")).unwrap();
+    assert!(fail(&folder, "capture shoot-board --rig rig.toml --out session").contains("--resume"));
+    succeed(&folder, "capture shoot-board --rig rig.toml --out session --resume");
+    assert_eq!(photographs(), 2);
+    assert!(fs::read_to_string(session.join("board.toml")).unwrap().starts_with("# mine"));
+    let shots = fs::read_dir(folder.path().join("shots")).unwrap().count();
+    assert_eq!(shots, 3);
+}
+
 #[test]
 fn a_protective_stop_is_released_and_the_session_ends_as_one_without() {
     let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();

@@ -117,7 +117,7 @@ fn a_rig_file_tells_of_the_board_once_for_all() {
     let real = format!("{table}[controllers]\ncamera = \"a\"\nlight = \"b\"\n");
     fs::write(folder.path().join("rig.toml"), real).unwrap();
     let error = relight(folder.path(), "shoot-board --rig rig.toml --out other");
-    assert!(text(&error.stderr).contains("by hand"), "{}", text(&error.stderr));
+    assert!(text(&error.stderr).contains("no real camera"), "{}", text(&error.stderr));
 }
 
 #[test]

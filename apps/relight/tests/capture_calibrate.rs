@@ -10,7 +10,7 @@ use std::process::{Command, Output};
 use std::{fmt, fs};
 
 use relight_capture::calibration::Board;
-use relight_scene::{Intrinsics, Pose};
+use relight_scene::{Intrinsics, Pose, Scene};
 use serde_json::Value;
 
 fn calibrate(session: &Path, arguments: &[&str]) -> Output {
@@ -239,6 +239,51 @@ fn cameras_lens_and_light_are_found_and_a_move_is_noticed() {
     let (said, error) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
     assert_eq!(output.status.code(), Some(1), "{said}");
     assert!(said.contains("moved") && error.contains("no longer holds"), "{said} {error}");
+    // Nor where nobody sees the board.
+    let dark = relight_scene::Image { width: 640, height: 480, data: vec![20; 3 * 640 * 480] };
+    dark.write_png(&recheck.join("00002.png")).unwrap();
+    let output = calibrate(&session, &["--recheck"]);
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{error}");
+    assert!(error.contains("not seen from waypoint 2"), "{error}");
+    fs::remove_file(recheck.join("00002.png")).unwrap();
+    let small = relight_scene::Image { width: 64, height: 48, data: vec![20; 3 * 64 * 48] };
+    small.write_png(&recheck.join("00001.png")).unwrap();
+    let output = calibrate(&session, &["--recheck"]);
+    assert!(String::from_utf8_lossy(&output.stderr).contains("are 64x48, those of the calibration 640x480"));
+}
+
+/// What is calibrated is the rig that shoots.
+#[test]
+fn a_virtual_session_with_a_calibration_tells_where_its_lights_stand() {
+    let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
+    let (plain, distorted) = SMALL.split_once("--distortion").unwrap();
+    let (session, truth) = shot(folder.path(), plain);
+    succeed(&session, &["--json"]);
+    let calibration = session.join("calibration.json");
+    let run = |out: &str, calibration: &Path| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_relight"));
+        let arguments = "capture run --object wheel --size 24x18 --views 6 --samples 1 --out";
+        command.current_dir(folder.path()).args(arguments.split_whitespace()).arg(out);
+        command.arg("--calibration").arg(calibration).output().unwrap()
+    };
+    let output = run("scene", &calibration);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let scene = Scene::open(&folder.path().join("scene")).unwrap();
+    let lights = truth["lights"].as_array().unwrap();
+    assert_eq!(scene.lights.len(), lights.len());
+    for (light, truth) in scene.lights.iter().zip(lights) {
+        let off = apart(light.pose.position(), pose(&truth["to_world"]).position());
+        assert!(off < 3e-4, "light {}: {off}", light.label);
+    }
+    // A lens that this rig does not have.
+    let other = folder.path().join("other");
+    fs::create_dir(&other).unwrap();
+    let (session, _) = shot(&other, &format!("{plain} --distortion{}", distorted.replace("-0.08", "-0.2")));
+    succeed(&session, &["--json"]);
+    let output = run("warned", &session.join("calibration.json"));
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && said.contains("of another lens"), "{said}");
 }
 
 /// The whole rig: all waypoints of the paper at the camera's full size, three times.

@@ -3,12 +3,18 @@
 // Helpers outside of test functions.
 #![allow(clippy::unwrap_used)]
 
+mod common;
+
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
+use std::thread::sleep;
+use std::time::Instant;
 
 use relight_scene::{Image, Scene};
 use tempfile::TempDir;
+
+use common::contents;
 
 const RUN: &str = "capture run --rig rig.toml --object wheel --size 48x36 --samples 4";
 /// Simulated arms, two views and three lights.
@@ -141,6 +147,52 @@ fn a_session_stops_where_something_moved_and_shoots_it_again() {
     assert_eq!(journal().lines().count(), 1 + 4);
     let checks = fs::read_to_string(folder.path().join("scene/.capture/checks.jsonl")).unwrap();
     assert!(checks.lines().count() == 1 + 2 && !checks.contains("\"moved\":true"), "{checks}");
+}
+
+#[test]
+fn sessions_go_on_with_their_own_lens_and_development() {
+    let folder = folder();
+    let rig = by_hand(&folder, "cp ../grey.png $(ls | wc -l).png", "");
+    Image { width: 32, height: 24, data: vec![120; 32 * 24 * 3] }
+        .write_png(&folder.path().join("grey.png"))
+        .unwrap();
+    let shoot = |rig: &str, more: &str| {
+        fs::write(folder.path().join("rig.toml"), rig).unwrap();
+        let output = command(folder.path(), &format!("{BY_HAND} {more}")).output().unwrap();
+        (output.status.success(), String::from_utf8(output.stderr).unwrap())
+    };
+    assert!(shoot(&rig, "").0);
+    let (succeeded, said) = shoot(&rig.replace("[60, 60]", "[70, 70]"), "--resume");
+    assert!(!succeeded && said.contains("begun with another lens"), "{said}");
+    assert!(shoot(&rig, "--resume").0);
+    succeed(&folder, &format!("{RIG}{RAW}"), "--out raw");
+    let other = format!("{RIG}{}", RAW.replace("black-level = 8", "black-level = 9"));
+    let said = String::from_utf8(run(&folder, &other, "--out raw --resume").stderr).unwrap();
+    assert!(said.contains("begun with black level 8.0, not 9.0"), "{said}");
+}
+
+#[test]
+fn a_session_with_care_killed_at_twenty_moments_ends_as_one_that_never_was() {
+    let folder = folder();
+    let rig = format!(
+        "{RIG}{RAW}[session]\ndark-frames = 2\nflat-frames = 2\nexr = true\nmovement = true\n\
+         movement-every = 2\nlight-gain-frames = 1\n"
+    );
+    let begun = Instant::now();
+    succeed(&folder, &rig, "--out straight");
+    let whole = begun.elapsed();
+    for moment in 0..20 {
+        let mut child = command(folder.path(), &format!("{RUN} --out killed --resume -q")).spawn().unwrap();
+        // All over what happens, in no order.
+        sleep(whole * (1 + 7 * moment % 19) / 20);
+        child.kill().unwrap();
+        child.wait().unwrap();
+    }
+    succeed(&folder, &rig, "--out killed --resume");
+    let [straight, killed] = ["straight", "killed"].map(|name| contents(&folder.path().join(name)));
+    assert_eq!(straight.keys().collect::<Vec<_>>(), killed.keys().collect::<Vec<_>>());
+    assert!(straight.keys().any(|name| name.ends_with(".exr")));
+    assert!(straight == killed);
 }
 
 /// A constant picture of a card that the lamp lights from several places: what differs is all the lamp's.

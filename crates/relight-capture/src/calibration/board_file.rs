@@ -112,7 +112,7 @@ struct File {
     board_to_world: Option<[f64; 16]>,
     #[serde(skip_serializing_if = "Option::is_none")]
     light_base_to_world: Option<[f64; 16]>,
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     touches: Vec<TouchFile>,
 }
 

@@ -89,7 +89,7 @@ struct File {
 }
 
 /// A lens, as files have it.
-#[derive(Serialize, Deserialize)]
+#[derive(PartialEq, Serialize, Deserialize)]
 pub(crate) struct StoredIntrinsics {
     width: u32,
     height: u32,

@@ -10,6 +10,7 @@ use serde_json::{Map, Value};
 
 use super::error::SessionError;
 use super::{Care, Journal, Shots};
+use crate::calibration::StoredIntrinsics;
 
 /// The folder of a session's own files, inside the scene's.
 pub const STATE: &str = ".capture";
@@ -33,6 +34,9 @@ struct File {
     /// Poses, row-major `[R | t]`.
     cameras: Vec<[[f64; 4]; 3]>,
     lights: Vec<[[f64; 4]; 3]>,
+    /// The lens; sessions of before do not tell it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    lens: Option<StoredIntrinsics>,
     /// What is done around each photograph.
     #[serde(default, skip_serializing_if = "is_none")]
     care: Care,
@@ -59,6 +63,7 @@ pub(super) fn open(
         subject: subject.clone(),
         cameras: poses(&shots.cameras),
         lights: poses(&shots.lights),
+        lens: Some(StoredIntrinsics::from(&shots.intrinsics)),
         care: care.clone(),
     };
     if path.try_exists().map_err(SessionError::io(&path))? {
@@ -132,6 +137,13 @@ fn compare(path: &Path, file: &File) -> Result<(), SessionError> {
         return Err(other(
             "the session was begun with other poses. Resume it with its own plan and calibration, or start anew in \
              another folder."
+                .to_owned(),
+        ));
+    }
+    if begun.lens.is_some() && begun.lens != file.lens {
+        return Err(other(
+            "the session was begun with another lens. Resume it with its own calibration, or the [lens] that its rig file \
+             had, or start anew in another folder."
                 .to_owned(),
         ));
     }

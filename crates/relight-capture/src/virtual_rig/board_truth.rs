@@ -1,6 +1,5 @@
 //! What is true of a session of board photographs: where arms came to rest that were told to go somewhere.
 
-use nalgebra::{Rotation3, Vector3};
 use relight_scene::Pose;
 use serde::Serialize;
 
@@ -15,11 +14,6 @@ pub const TRUTH: &str = "truth.json";
 const FORMAT: &str = "relight-truth-1";
 /// Distance of the photographs for the lens, metres.
 const DISTANCE: f64 = 0.6;
-/// Where the light's arm truly stands: some millimetres from where its settings have it, and a little askew (a rotation
-/// vector of the world, radians).
-const LIGHT_BASE_OFF: [f64; 3] = [2e-3, 2e-3, -1e-3];
-const LIGHT_BASE_TURN: [f64; 3] = [0.004, -0.003, 0.008];
-
 /// Where everything is.
 pub(super) struct Truth {
     /// The arms where they stand.
@@ -42,8 +36,7 @@ impl Truth {
         simulated: &SimulatedArms,
     ) -> Result<Truth, BoardCaptureError> {
         let itinerary = &prepared.itinerary;
-        let mut arms = itinerary.cell().arms().clone();
-        arms[LIGHT].base = moved(arms[LIGHT].base, LIGHT_BASE_TURN, LIGHT_BASE_OFF);
+        let arms = itinerary.cell().arms().clone();
         let rests = [CAMERA, LIGHT].map(|arm| {
             let rest = |&label: &usize| simulated.foresee(arm, itinerary.joints(arm, station(label)));
             prepared.labels[arm].iter().map(rest).collect::<Vec<_>>()
@@ -72,7 +65,7 @@ impl Truth {
             planned: itinerary.pose(CAMERA, label).to_matrix(),
             to_world: reached(CAMERA, joints),
         });
-        // What the arm believes: it does not know that its base stands elsewhere.
+        // What the arm is told; it comes to rest beside that.
         let base = itinerary.arm(LIGHT).base.inverse();
         let lights = numbered(LIGHT).map(|(&label, joints)| TrueLight {
             label,
@@ -144,12 +137,4 @@ fn touches(
         Ok(Touch { on_board, in_arm: arm.base.inverse_transform(tip) })
     };
     places.iter().take(capture.touches).map(touch).collect()
-}
-
-/// A pose turned by a rotation vector of the world, and moved.
-fn moved(pose: Pose, turn: [f64; 3], by: [f64; 3]) -> Pose {
-    let rotation = Rotation3::new(Vector3::from(turn));
-    let column = |j: usize| rotation * Vector3::from(pose.0.map(|row| row[j]));
-    let axes = [column(0), column(1), column(2)];
-    Pose(std::array::from_fn(|i| [axes[0][i], axes[1][i], axes[2][i], pose.0[i][3] + by[i]]))
 }

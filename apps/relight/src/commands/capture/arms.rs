@@ -14,8 +14,11 @@ use relight_capture::robot::DryRun;
 use relight_capture::session::{self, Ending, Shots};
 use relight_scene::{Intrinsics, Pose};
 
-use super::run::{Job, headline, time};
-use crate::console::print_line;
+use super::run::{Job, developed, headline, real_eye, time};
+use crate::console::{print_line, stop_flag};
+
+/// How far a calibration of the virtual rig may have points from where its lens has them, in widths of a picture.
+const MOST_APART: f64 = 7e-3;
 
 pub fn run(job: &Job, quiet: bool) -> anyhow::Result<()> {
     let arms = job.file.arms.clone().with_context(|| {
@@ -78,6 +81,7 @@ impl Session<'_> {
         let mut subject = if self.is_virtual { job.virtual_capture.subject()? } else { job.subject(&shots) };
         if self.is_raw {
             subject.insert(session::CAMERA.to_owned(), "virtual, raw".into());
+            subject.extend(developed(&shots));
         }
         let ending = job.shoot(&mut rig, &shots, &subject, quiet)?;
         if matches!(ending, Ending::Complete { .. }) {
@@ -141,7 +145,16 @@ impl Session<'_> {
     fn calibrated_lens(&self, lens: &Intrinsics) -> anyhow::Result<Intrinsics> {
         let Some([width, height]) = self.size() else {
             let capture = &self.job.virtual_capture;
-            return Ok(lens.resized(capture.width, capture.height));
+            let (found, truth) =
+                (lens.resized(capture.width, capture.height), self.job.virtual_capture.lens());
+            let apart = farthest_apart(&found, &truth);
+            if apart > MOST_APART * f64::from(capture.width) {
+                tracing::warn!(
+                    "the calibration is of another lens than the virtual rig's: points of a picture are up to {apart:.1} px \
+                     apart. Shoot its board without --distortion"
+                );
+            }
+            return Ok(found);
         };
         ensure!(
             (lens.width, lens.height) == (width, height),
@@ -162,7 +175,7 @@ impl Session<'_> {
             let eye = self.job.virtual_capture.eye(arms, foreseen.unwrap_or_default())?;
             return Ok(Box::new(if self.is_raw { eye.raw() } else { eye }));
         }
-        self.job.real_eye()
+        real_eye(&self.job.file, &self.job.args.rig)
     }
 
     fn connect(&self, simulated: Option<&SimulatedArms>) -> anyhow::Result<Arms> {
@@ -180,7 +193,7 @@ impl Session<'_> {
         let [camera, light] = arms;
         let labels = self.prepared.labels.clone();
         let rig = ArmsRig::new(&self.prepared.itinerary, labels, [camera, light], eye, self.pace());
-        Ok(rig.map_err(SetupError::from)?)
+        Ok(rig.map_err(SetupError::from)?.interruptible(stop_flag()))
     }
 
     /// Whether the arms are simulated in this process.
@@ -223,6 +236,18 @@ impl Session<'_> {
             tracing::warn!("{line}; the scene's views and lights are counted without it");
         }
     }
+}
+
+/// How far two lenses at most have the corners and sides of a picture apart, pixels.
+fn farthest_apart(a: &Intrinsics, b: &Intrinsics) -> f64 {
+    let places = |side: u32| [0.0, 0.5, 1.0].map(|part| part * f64::from(side));
+    let points = places(a.width).into_iter().flat_map(|x| places(a.height).map(|y| [x, y]));
+    let apart = |[x, y]: [f64; 2]| {
+        let seen = [(x - b.cx) / b.fx, (y - b.cy) / b.fy, 1.0];
+        let [here, there] = [a, b].map(|lens| lens.project(seen));
+        here.zip(there).map_or(f64::INFINITY, |(p, q)| (p[0] - q[0]).hypot(p[1] - q[1]))
+    };
+    points.map(apart).fold(0.0, f64::max)
 }
 
 fn told(travel: &Travel) -> String {

@@ -9,6 +9,7 @@ mod detect;
 pub mod kinematics;
 mod partition;
 mod plan;
+mod real_board;
 mod run;
 mod shoot_board;
 

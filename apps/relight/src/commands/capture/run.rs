@@ -202,7 +202,8 @@ impl Job<'_> {
         let plan = Plan::new(&self.file.plan_settings()).with_context(|| self.args.rig.clone())?;
         let size = self.file.photographs.as_ref().and_then(Photographs::size).with_context(|| {
             format!(
-                "{}: --skip-robots wants a real camera; add a table [photographs] with from = \"folder\" or \"gige\"",
+                "{}: without arms, virtual photographs are those of the built-in rig: leave --rig out, or --skip-robots. A real \
+                 camera has a table [photographs] with from = \"folder\" or \"gige\"",
                 self.args.rig
             )
         })?;
@@ -210,7 +211,7 @@ impl Job<'_> {
             return rehearse(&plan, size);
         }
         let intrinsics = self.rough_lens(size)?;
-        let eye = self.real_eye()?;
+        let eye = real_eye(&self.file, &self.args.rig)?;
         let [cameras, lights] =
             [&plan.camera, &plan.light].map(|t| t.waypoints.iter().map(|w| w.pose).collect::<Vec<_>>());
         let place = |view: usize, light: usize| {
@@ -311,26 +312,6 @@ impl Job<'_> {
         print_line(&format!("{}: {views} views under {lights} lights", out.display()))
     }
 
-    /// The camera of the rig file.
-    pub fn real_eye(&self) -> anyhow::Result<Box<dyn Eye>> {
-        match &self.file.photographs {
-            Some(Photographs::Folder { folder, command, patience_seconds, size: [width, height] }) => {
-                let patience = Duration::try_from_secs_f64(*patience_seconds)?;
-                let camera = FolderCamera::new(folder, command.clone(), patience, (*width, *height))?;
-                Ok(attended(Box::new(camera)))
-            }
-            Some(Photographs::Gige(settings)) => {
-                Ok(attended(settings.open().with_context(|| self.args.rig.clone())?))
-            }
-            Some(Photographs::Virtual { .. }) | None => {
-                bail!(
-                    "{}: has no camera; add a table [photographs], or walk with --skip-camera",
-                    self.args.rig
-                )
-            }
-        }
-    }
-
     /// The lens that the rig file tells.
     pub fn rough_lens(&self, size: [u32; 2]) -> anyhow::Result<Intrinsics> {
         let lens = self.file.lens.with_context(|| {
@@ -349,14 +330,36 @@ impl Job<'_> {
             ("rig".to_owned(), self.args.rig.clone().into()),
             ("object".to_owned(), self.args.object.clone().into()),
             ("size".to_owned(), format!("{}x{}", lens.width, lens.height).into()),
-            ("white balance".to_owned(), format!("{:?}", shots.development.white_balance).into()),
-            ("black level".to_owned(), f64::from(shots.development.black_level).into()),
         ]);
+        subject.extend(developed(shots));
         if let Some(Photographs::Gige(settings)) = &self.file.photographs {
             subject.insert(session::CAMERA.to_owned(), json!(settings));
         }
         subject
     }
+}
+
+/// The camera of a rig file, called `named`.
+pub fn real_eye(file: &RigFile, named: &str) -> anyhow::Result<Box<dyn Eye>> {
+    match &file.photographs {
+        Some(Photographs::Folder { folder, command, patience_seconds, size: [width, height] }) => {
+            let patience = Duration::try_from_secs_f64(*patience_seconds)?;
+            let camera = FolderCamera::new(folder, command.clone(), patience, (*width, *height))?;
+            Ok(attended(Box::new(camera)))
+        }
+        Some(Photographs::Gige(settings)) => Ok(attended(settings.open().with_context(|| named.to_owned())?)),
+        Some(Photographs::Virtual { .. }) | None => {
+            bail!("{named}: has no camera; add a table [photographs], or walk with --skip-camera")
+        }
+    }
+}
+
+/// What of a session tells how raw photographs become images.
+pub fn developed(shots: &Shots) -> Subject {
+    Subject::from_iter([
+        ("white balance".to_owned(), format!("{:?}", shots.development.white_balance).into()),
+        ("black level".to_owned(), f64::from(shots.development.black_level).into()),
+    ])
 }
 
 /// A real camera, and somebody at the terminal.

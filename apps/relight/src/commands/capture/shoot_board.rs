@@ -7,6 +7,7 @@ use relight_capture::rig::{Photographs, RigFile};
 use relight_capture::virtual_rig::{BoardCapture, MOST_TOUCHES, TRUTH, VirtualCapture};
 
 use super::board::{BoardOptions, described};
+use super::real_board;
 use super::run::VIRTUAL;
 use crate::commands::render::size;
 use crate::console::{Progress, cancel_flag, print_line, unless};
@@ -17,26 +18,30 @@ use crate::console::{Progress, cancel_flag, print_line, unless};
 /// a board tilted in all directions tell focal lengths and principal point apart, which waypoints that all look down at one
 /// place under the same tilt cannot. The simulated arms of `capture run` go to the waypoints, by the same planned motions and
 /// drivers, and come to rest with 0.03 mm of noise; photographs for the lens are taken by hand. The sensor is noisy too.
+///
+/// With a rig file that names controllers and a camera, the real arms take the real camera to the waypoints, under the highest
+/// light. Photographs for the lens and touches are then yours to take; what is left to do is told at the end.
 #[derive(clap::Args)]
 #[command(after_help = format!(
     "Example:\n  relight capture shoot-board --out SESSION\n  relight capture calibrate SESSION\n\n\
-     Writes SESSION/board.toml, SESSION/board/LABEL.png, SESSION/lens/LABEL.png, and SESSION/{TRUTH}, which calibrating never reads."
+     Writes SESSION/board.toml, SESSION/board/LABEL.png, SESSION/lens/LABEL.png, and SESSION/{TRUTH}, which calibrating never reads;\n\
+     of real photographs, the first two."
 ))]
 pub struct Args {
-    /// Whose board, waypoints and arms: `virtual`, or a rig file; what shoots is the path tracer.
+    /// Whose board, waypoints and arms: `virtual`, or a rig file. The path tracer shoots, unless that has a camera.
     #[arg(long, default_value = VIRTUAL, value_name = "virtual|FILE")]
-    rig: String,
+    pub(super) rig: String,
     /// Folder of the session, made anew.
     #[arg(long, value_name = "SESSION")]
-    out: PathBuf,
+    pub(super) out: PathBuf,
     #[command(flatten)]
-    board: BoardOptions,
+    pub(super) board: BoardOptions,
     /// Size of the photographs.
     #[arg(long, value_name = "WxH", default_value = "1440x1080", value_parser = size)]
     size: (u32, u32),
     /// Camera waypoints [default: 50, or the rig file's].
     #[arg(long, value_name = "N")]
-    views: Option<usize>,
+    pub(super) views: Option<usize>,
     /// Photographs for the lens alone.
     #[arg(long, value_name = "N", default_value_t = 12)]
     lens_views: usize,
@@ -54,7 +59,7 @@ pub struct Args {
     seed: u64,
     /// Go on with the session in SESSION; begin it if there is none.
     #[arg(long)]
-    resume: bool,
+    pub(super) resume: bool,
 }
 
 pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
@@ -62,11 +67,12 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         (VirtualCapture::domes(), VirtualCapture::arms(), None)
     } else {
         let file = RigFile::read(Path::new(&args.rig))?;
+        if file.photographs.as_ref().and_then(Photographs::size).is_some() {
+            return real_board::run(args, &file, quiet);
+        }
         ensure!(
-            matches!(file.photographs, Some(Photographs::Virtual { .. }) | None)
-                && file.controllers.is_none(),
-            "{}: has a real camera or real arms, and only virtual photographs are taken of a board; take real ones by hand \
-             into a session's folder (relight capture calibrate --help)",
+            file.controllers.is_none(),
+            "{}: has real arms and no real camera; add a table [photographs] with from = \"folder\" or \"gige\"",
             args.rig
         );
         let arms =
