@@ -365,6 +365,10 @@ fn a_stored_calibration_comes_back_the_same() {
     assert!(fault("DICT_5X5_100", "DICT_5X5_101").contains("no dictionary"));
     assert!(fault("\"made\"", "\"mad\"").contains("line"));
     assert!(fault("\"fx\": 2", "\"fx\": -2").contains("the lens cannot be"));
+    assert!(
+        fault("\"fx\": 2", "\"colour\": 1, \"fx\": 2").contains("colour"),
+        "no part of a lens is told by that name"
+    );
     let first = &text[text.find("camera_to_world").unwrap()..];
     let number = first.lines().nth(1).unwrap().trim().trim_end_matches(',');
     assert!(fault(number, "7.5").contains("waypoint 0: the rotation part"), "{number}");

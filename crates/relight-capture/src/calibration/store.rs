@@ -115,11 +115,17 @@ impl From<StoredIntrinsics> for Intrinsics {
     }
 }
 
-// What is flattened takes its fields out of all, so that unknown ones cannot be told here.
+/// [`StoredIntrinsics`] and how well they are known. Flattened, it could not refuse unknown fields.
 #[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 struct StoredLens {
-    #[serde(flatten)]
-    intrinsics: StoredIntrinsics,
+    width: u32,
+    height: u32,
+    fx: f64,
+    fy: f64,
+    cx: f64,
+    cy: f64,
+    distortion: [f64; LENS - 4],
     errors: [f64; LENS],
     information: [[f64; LENS]; LENS],
     corner_variance: f64,
@@ -170,13 +176,21 @@ pub fn store(calibration: &Calibration, made: u64, path: &Path) -> Result<(), St
         residuals: l.residuals.clone(),
         rms: l.rms,
     };
+    let StoredIntrinsics { width, height, fx, fy, cx, cy, distortion } =
+        StoredIntrinsics::from(&calibration.intrinsics);
     let file = File {
         format: FORMAT.to_owned(),
         made,
         board: calibration.board,
         board_to_world: calibration.board_to_world.to_matrix(),
         lens: StoredLens {
-            intrinsics: StoredIntrinsics::from(&calibration.intrinsics),
+            width,
+            height,
+            fx,
+            fy,
+            cx,
+            cy,
+            distortion,
             errors: calibration.intrinsics_errors,
             information: calibration.lens_information,
             corner_variance: calibration.corner_variance,
@@ -214,7 +228,9 @@ pub fn load(path: &Path) -> Result<(Calibration, u64), StoreError> {
             fault,
         })
     };
-    let StoredLens { intrinsics, errors, information, corner_variance } = file.lens;
+    let StoredLens { width, height, fx, fy, cx, cy, distortion, errors, information, corner_variance } =
+        file.lens;
+    let intrinsics = StoredIntrinsics { width, height, fx, fy, cx, cy, distortion };
     let intrinsics = Intrinsics::from(intrinsics);
     if intrinsics.width == 0 || intrinsics.height == 0 || intrinsics.fx <= 0.0 || intrinsics.fy <= 0.0 {
         return Err(StoreError::Lens { path: path.to_owned(), intrinsics });
