@@ -33,6 +33,7 @@ struct JsonRow<'a> {
     user: &'a str,
     baseline: bool,
     submitted_at: &'a str,
+    evaluator: &'a str,
     psnr: JsonStanding,
     ssim: JsonStanding,
     scenes: Vec<JsonScene<'a>>,
@@ -107,6 +108,7 @@ fn json_row<'a>(table: &'a Table, row: &'a Row) -> JsonRow<'a> {
         user: &about.user,
         baseline: about.baseline,
         submitted_at: &about.submitted_at,
+        evaluator: &about.evaluator,
         psnr: standing(Metric::Psnr),
         ssim: standing(Metric::Ssim),
         scenes: table.scenes.iter().enumerate().map(scene).collect(),
@@ -126,7 +128,7 @@ pub fn to_csv(board: &Leaderboard, query: &ViewQuery) -> Result<String, ViewErro
             scenes.push(name);
         }
     }
-    let mut csv = "split,id,method,authors,user,baseline,submitted_at,images".to_owned();
+    let mut csv = "split,id,method,authors,user,baseline,submitted_at,evaluator,images".to_owned();
     for metric in Metric::ALL.map(Metric::as_str) {
         csv += &format!(",{metric},{metric}_low,{metric}_high,{metric}_average_rank");
     }
@@ -149,7 +151,8 @@ fn push_line(csv: &mut String, table: &Table, row: &Row, scenes: &[&String]) {
     for text in texts {
         *csv += &format!(",{}", field(text));
     }
-    *csv += &format!(",{},{},{}", about.baseline, field(&about.submitted_at), table.images);
+    *csv += &format!(",{},{}", about.baseline, field(&about.submitted_at));
+    *csv += &format!(",{},{}", field(&about.evaluator), table.images);
     let number = |metric: Metric, value: Option<f64>| {
         value.map_or_else(|| "inf".to_owned(), |value| format!("{value:.*}", metric.digits()))
     };

@@ -95,6 +95,8 @@ pub struct About {
     pub baseline: bool,
     /// When it was submitted, RFC 3339.
     pub submitted_at: String,
+    /// The version of what scored it.
+    pub evaluator: String,
 }
 
 /// An entry whose scores are final.

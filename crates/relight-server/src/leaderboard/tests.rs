@@ -198,13 +198,14 @@ fn csv_is_quoted_and_runs_no_formula() {
     let about = Arc::make_mut(&mut entry.about);
     about.method = "=HYPERLINK(\"http://x\")".into();
     about.authors = "Ada, Bob".into();
+    about.evaluator = "relight 0.1.0".into();
     let board = Leaderboard::new("rene", &scenes(&["apple"]), &[entry]);
     let query = ViewQuery { split: Some("easy".into()), ..ViewQuery::default() };
     assert_eq!(
         to_csv(&board, &query).unwrap(),
-        "split,id,method,authors,user,baseline,submitted_at,images,psnr,psnr_low,psnr_high,psnr_average_rank,ssim,ssim_low,\
+        "split,id,method,authors,user,baseline,submitted_at,evaluator,images,psnr,psnr_low,psnr_high,psnr_average_rank,ssim,ssim_low,\
          ssim_high,ssim_average_rank,apple_psnr,apple_ssim\r\n\
-         easy,a,\"'=HYPERLINK(\"\"http://x\"\")\",\"Ada, Bob\",,false,,2,20.00,20.00,20.00,1.00,0.500,0.500,0.500,1.00,20.00,0.500\r\n"
+         easy,a,\"'=HYPERLINK(\"\"http://x\"\")\",\"Ada, Bob\",,false,,relight 0.1.0,2,20.00,20.00,20.00,1.00,0.500,0.500,0.500,1.00,20.00,0.500\r\n"
     );
 }
 

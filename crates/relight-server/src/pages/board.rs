@@ -100,6 +100,11 @@ pub fn board(board: &Leaderboard, view: &View) -> Markup {
             (view.metric.title()) " in the scene; ties share their mean rank. Bars show 95 % bootstrap intervals over images. Scene "
             "columns show " (view.metric.title()) "; the best of each column is bold."
         }
+        @if table.rows.iter().any(|row| row.about.evaluator != table.rows[0].about.evaluator) {
+            p.note {
+                "Not all of these were scored by the same version of the evaluator, so that last digits may not compare: the data tell which."
+            }
+        }
         p.downloads {
             "Data: "
             a href=(format!("/api/v1{base}/leaderboard.json")) { "JSON" } " "

@@ -186,6 +186,7 @@ fn entry(submission: SubmissionEntry, (scores, intervals): Scored) -> Entry {
         user: unless_anonymous(submission.user_name),
         baseline: submission.pinned,
         submitted_at: submission.submitted_at.to_string(),
+        evaluator: scores.evaluator.clone(),
     };
     Entry { about: Arc::new(about), scores, intervals }
 }
