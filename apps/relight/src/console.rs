@@ -19,6 +19,8 @@ use tracing_subscriber::util::SubscriberInitExt;
 
 /// Signals that come so soon after the first mean the same: `timeout` sends its own to the program and then to its group.
 const PATIENCE: Duration = Duration::from_secs(1);
+/// The same where the second is to stop something that moves, and somebody may be in a hurry.
+const SAME: Duration = Duration::from_millis(200);
 
 /// Time between plain lines of progress.
 pub const LINE_EVERY: Duration = Duration::from_secs(10);
@@ -159,16 +161,20 @@ pub fn cancel_flag() -> anyhow::Result<&'static AtomicBool> {
     if !*is_listening {
         let mut signals = Signals::new([SIGINT, SIGTERM])?;
         std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
-            let mut last = None;
+            let (mut first, mut second) = (None, None);
             for _ in signals.forever() {
                 FLAG.store(true, Ordering::Relaxed);
-                if last.get_or_insert_with(Instant::now).elapsed() < PATIENCE {
-                    continue;
+                let mut since = first.get_or_insert_with(Instant::now).elapsed();
+                if IS_STOP_HEEDED.load(Ordering::Relaxed) {
+                    if since < SAME {
+                        continue;
+                    }
+                    STOP.store(true, Ordering::Relaxed);
+                    since = second.get_or_insert_with(Instant::now).elapsed();
                 }
-                if !IS_STOP_HEEDED.load(Ordering::Relaxed) || STOP.swap(true, Ordering::Relaxed) {
+                if since >= PATIENCE {
                     signal_hook::low_level::exit(130);
                 }
-                last = Some(Instant::now());
             }
         })?;
         *is_listening = true;

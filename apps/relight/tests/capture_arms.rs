@@ -144,6 +144,16 @@ fn a_board_is_photographed_by_arms_and_a_camera_of_their_own() {
     assert!(fs::read_to_string(session.join("board.toml")).unwrap().starts_with("# mine"));
     let shots = fs::read_dir(folder.path().join("shots")).unwrap().count();
     assert_eq!(shots, 3);
+    let error = fail(&folder, "capture shoot-board --rig rig.toml --out session --resume --views 3");
+    assert!(error.contains("other waypoints"), "{error}");
+    // Nothing is made where nobody answers.
+    let text = fs::read_to_string(folder.path().join("rig.toml")).unwrap();
+    let (before, rest) = text.split_once("[controllers]").unwrap();
+    let motion = &rest[rest.find("[motion]").unwrap()..];
+    let nobody = "[controllers]\ncamera = \"127.0.0.1:1\"\nlight = \"127.0.0.1:1\"\n";
+    fs::write(folder.path().join("rig.toml"), format!("{before}{nobody}{motion}")).unwrap();
+    fail(&folder, "capture shoot-board --rig rig.toml --out other");
+    assert!(!folder.path().join("other").exists());
 }
 
 #[test]

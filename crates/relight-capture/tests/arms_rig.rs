@@ -65,6 +65,8 @@ struct Recorded {
     pressed: Option<usize>,
     /// The motion during which somebody pushes it out of its place.
     pushed: Option<usize>,
+    /// Set as it begins to move.
+    interrupt: Option<Arc<AtomicBool>>,
 }
 
 impl Arm for Recorded {
@@ -89,6 +91,9 @@ impl Arm for Recorded {
     ) -> Result<ArmState, ArmError> {
         let count = moves(&self.record).len();
         self.record.lock().unwrap().push(Event::Moved(self.which, *motion.from(), *motion.to()));
+        if let Some(interrupt) = &self.interrupt {
+            interrupt.store(true, Ordering::Relaxed);
+        }
         if self.fails == Some(count) {
             return Err(ArmError::Stopped { address: "arm".to_owned(), status: ArmStatus::ProtectiveStop });
         }
@@ -121,7 +126,15 @@ fn rig<'a>(
         prepared,
         [CAMERA, LIGHT].map(|which| {
             let arm = DryRun::new(prepared.itinerary.arm(which).name.clone(), stands[which]);
-            Recorded { which, arm, record: Arc::clone(record), fails, pressed: None, pushed: None }
+            Recorded {
+                which,
+                arm,
+                record: Arc::clone(record),
+                fails,
+                pressed: None,
+                pushed: None,
+                interrupt: None,
+            }
         }),
     )
 }
@@ -230,7 +243,15 @@ fn an_arm_does_not_go_on_when_the_waiting_one_is_stopped() {
         let record = Record::default();
         let arms = [(CAMERA, None, None), (LIGHT, pressed, pushed)].map(|(which, pressed, pushed)| {
             let arm = DryRun::new(prepared.itinerary.arm(which).name.clone(), stands[which]);
-            Recorded { which, arm, record: Arc::clone(&record), fails: None, pressed, pushed }
+            Recorded {
+                which,
+                arm,
+                record: Arc::clone(&record),
+                fails: None,
+                pressed,
+                pushed,
+                interrupt: None,
+            }
         });
         let fault =
             walk(&mut rig_of(&prepared, arms).unwrap(), &shots(&prepared), &mut go).unwrap_err().to_string();
@@ -244,16 +265,26 @@ fn an_arm_does_not_go_on_when_the_waiting_one_is_stopped() {
 #[test]
 fn arms_stop_in_the_midst_of_a_motion_when_they_are_told_to() {
     let prepared = prepared(2, 3);
-    let (record, stop) = (Record::default(), AtomicBool::new(false));
-    let mut rig = rig(&prepared, homes(&prepared), None, &record).unwrap().interruptible(&stop);
-    rig.view(0).unwrap();
-    let before = record.lock().unwrap().len();
-    stop.store(true, Ordering::Relaxed);
-    let fault = rig.light(1).unwrap_err().to_string();
-    assert!(fault.contains("told to stop") && fault.contains("--resume"), "{fault}");
-    let events = record.lock().unwrap()[before..].to_vec();
-    assert!(matches!(events[0], Event::Moved(LIGHT, ..)));
-    assert_eq!(events[1..], [Event::Stopped(CAMERA), Event::Stopped(LIGHT)]);
+    let stops = [Event::Stopped(CAMERA), Event::Stopped(LIGHT)];
+    // In the midst of the light's motion, or before it.
+    for is_moving in [true, false] {
+        let (record, stop) = (Record::default(), Arc::new(AtomicBool::new(false)));
+        let arms = [CAMERA, LIGHT].map(|which| {
+            let arm = DryRun::new(prepared.itinerary.arm(which).name.clone(), homes(&prepared)[which]);
+            let interrupt = (is_moving && which == LIGHT).then(|| Arc::clone(&stop));
+            let record = Arc::clone(&record);
+            Recorded { which, arm, record, fails: None, pressed: None, pushed: None, interrupt }
+        });
+        let mut rig = rig_of(&prepared, arms).unwrap().interruptible(&stop);
+        rig.view(0).unwrap();
+        let before = record.lock().unwrap().len();
+        stop.store(!is_moving, Ordering::Relaxed);
+        let fault = rig.light(1).unwrap_err().to_string();
+        assert!(fault.contains("told to stop") && fault.contains("--resume"), "{fault}");
+        let events = record.lock().unwrap()[before..].to_vec();
+        assert_eq!(matches!(events[0], Event::Moved(LIGHT, ..)), is_moving);
+        assert_eq!(events[usize::from(is_moving)..], stops);
+    }
 }
 
 #[test]

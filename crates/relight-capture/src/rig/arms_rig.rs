@@ -183,7 +183,6 @@ impl<'a> ArmsRig<'a> {
             itinerary.cell().check_motion(&at(from), &at(to))
         });
         let plan = plan.map_err(|fault| ArmsFault::Refused { arm: name(), fault })?;
-        self.standing(other, NEAR)?;
         for motion in plan.motions() {
             self.move_along(arm, motion, itinerary.joints(other, beside))?;
             self.travel.motions[arm] += 1;
@@ -197,22 +196,24 @@ impl<'a> ArmsRig<'a> {
     fn move_along(&mut self, arm: usize, motion: &PlannedMotion, beside: &Joints) -> Result<(), ArmsFault> {
         let name = |arm: usize| self.itinerary.arm(arm).name.clone();
         let interrupt = self.interrupt;
+        let is_interrupted = || interrupt.is_some_and(|flag| flag.load(Ordering::Relaxed));
         let [camera, light] = &mut self.arms;
         let (moving, waiting) = if arm == CAMERA { (camera, light) } else { (light, camera) };
-        let (mut looked, mut reason) = (None::<Instant>, None);
         let mut look = || {
-            if interrupt.is_some_and(|flag| flag.load(Ordering::Relaxed)) {
+            if is_interrupted() {
                 return Err(ArmsFault::Interrupted);
             }
-            if looked.is_some_and(|looked| looked.elapsed() < LOOK) {
-                return Ok(());
-            }
-            looked = Some(Instant::now());
             let state = waiting.state();
             let state = state.and_then(idle).map_err(|fault| ArmsFault::Arm { arm: name(1 - arm), fault })?;
             displaced(&state, beside, NEAR, || name(1 - arm)).map_or(Ok(()), Err)
         };
+        look()?;
+        let (mut looked, mut reason) = (None::<Instant>, None);
         let moved = moving.move_while(motion, &mut || {
+            if !is_interrupted() && looked.is_some_and(|looked| looked.elapsed() < LOOK) {
+                return Ok(());
+            }
+            looked = Some(Instant::now());
             look().map_err(|fault| {
                 reason = Some(fault);
                 ArmError::Stopped { address: ITS_CONTROLLER.to_owned(), status: ArmStatus::Idle }
@@ -248,20 +249,20 @@ impl<'a> ArmsRig<'a> {
         let to = self.waypoint(LIGHT, light)?;
         self.go(LIGHT, to)?;
         thread::sleep(self.pace.settle);
-        let joints = [self.standing(CAMERA, STANDS)?, self.standing(LIGHT, STANDS)?];
+        let joints = [self.standing(CAMERA)?, self.standing(LIGHT)?];
         if let Some(stance) = &mut self.stance {
             (stance.light, stance.joints) = (light, joints);
         }
         Ok(())
     }
 
-    /// The measured joints of an arm that stands where it was brought, or as near.
-    fn standing(&mut self, arm: usize, near: f64) -> Result<Joints, ArmsFault> {
+    /// The measured joints of an arm that stands where it was brought.
+    fn standing(&mut self, arm: usize) -> Result<Joints, ArmsFault> {
         let joints = self.ready(arm)?;
         if let Whereabouts::At(station) = self.stands[arm] {
             let (expected, name) =
                 (self.itinerary.joints(arm, station), || self.itinerary.arm(arm).name.clone());
-            if let Some(moved) = displaced(&joints, expected, near, name) {
+            if let Some(moved) = displaced(&joints, expected, STANDS, name) {
                 return Err(moved);
             }
         }
@@ -332,7 +333,7 @@ impl Rig for ArmsRig<'_> {
     fn show(&mut self, target: Target) -> Result<(), RigFault> {
         let motion = |fault: ArmsFault| RigFault::Motion(Box::new(fault));
         self.park().map_err(motion)?;
-        let joints = [self.standing(CAMERA, STANDS), self.standing(LIGHT, STANDS)];
+        let joints = [self.standing(CAMERA), self.standing(LIGHT)];
         let [camera, light] = joints.map(|joints| joints.map_err(motion));
         self.stance = Some(Stance { view: 0, light: 0, joints: [camera?, light?] });
         self.eye.show(target)

@@ -21,6 +21,8 @@ const FORMAT: &str = "relight-session";
 /// Sessions with nothing around their photographs are of version 1, as they always were; others of version 2.
 const VERSIONS: [u64; 2] = [1, 2];
 const LONGEST: u64 = 1 << 26;
+/// What raw sessions of the virtual rig did not tell at first.
+const TOLD_SINCE: [&str; 2] = ["white balance", "black level"];
 
 /// What stands before the camera and how it is shot, in words and numbers of whoever starts the session: all that makes
 /// its frames what they are.
@@ -116,7 +118,8 @@ fn compare(path: &Path, file: &File) -> Result<(), SessionError> {
     let keys = file.subject.keys().chain(begun.subject.keys());
     for key in keys {
         let (now, then) = (file.subject.get(key), begun.subject.get(key));
-        if now != then {
+        let is_unknown = then.is_none() && TOLD_SINCE.contains(&key.as_str());
+        if now != then && !is_unknown {
             let tell = |value: Option<&Value>| value.map_or("nothing".to_owned(), Value::to_string);
             return Err(other(format!(
                 "the session was begun with {key} {}, not {}. Resume it as it was begun, or start anew in another folder.",

@@ -5,13 +5,18 @@ use std::io::Write;
 
 use anyhow::{Context, bail, ensure};
 use relight_capture::calibration::{BOARD, BoardFile, LENS_VIEWS, VIEWS, photograph_name, shoot_board};
-use relight_capture::rig::{ArmsRig, CAMERA, LIGHT, Prepared, RigFile, SetupError, connect};
+use relight_capture::rig::{ArmsRig, CAMERA, LIGHT, Photographs, Prepared, RigFile, SetupError, connect};
 use relight_scene::write_whole;
+use serde_json::{Value, json};
 
 use super::board::described;
 use super::run::real_eye;
 use super::shoot_board::Args;
 use crate::console::{Progress, cancel_flag, print_line, stop_flag, unless};
+
+/// Where the photographs of the session were taken.
+const PLACES: &str = "places.json";
+const FORMAT: &str = "relight-board-places-1";
 
 /// Photographs the board from every waypoint that the arms reach.
 pub fn run(args: &Args, file: &RigFile, quiet: bool) -> anyhow::Result<()> {
@@ -34,11 +39,23 @@ pub fn run(args: &Args, file: &RigFile, quiet: bool) -> anyhow::Result<()> {
     let views = labels[CAMERA].iter().enumerate();
     let views: Vec<_> =
         views.map(|(number, &label)| (number, args.out.join(VIEWS).join(photograph_name(label)))).collect();
-    begin(args, &BoardFile { board, board_to_world: None, light_base_to_world: None, touches: Vec::new() })?;
+    let poses = labels[CAMERA].iter().map(|&label| json!([label, itinerary.pose(CAMERA, label).to_matrix()]));
+    let subject = json!({
+        "format": FORMAT,
+        "size": file.photographs.as_ref().and_then(Photographs::size),
+        "development": format!("{:?}", file.development()),
+        "light": [lamp, itinerary.pose(LIGHT, lamp).to_matrix()],
+        "cameras": poses.collect::<Vec<_>>(),
+    });
     let eye = real_eye(file, &args.rig)?;
     let arms = connect(itinerary, &arms, controllers)?;
     let rig = ArmsRig::new(itinerary, labels, arms, eye, file.pace()).map_err(SetupError::from)?;
     let mut rig = rig.interruptible(stop_flag());
+    begin(
+        args,
+        &BoardFile { board, board_to_world: None, light_base_to_world: None, touches: Vec::new() },
+        &subject,
+    )?;
     let cancel = cancel_flag()?;
     let bar = Progress::new("shooting", views.len() as u64, quiet);
     let complete = shoot_board(&mut rig, &views, &file.development(), &mut |done| {
@@ -61,10 +78,11 @@ pub fn run(args: &Args, file: &RigFile, quiet: bool) -> anyhow::Result<()> {
     ))
 }
 
-/// Makes the session's folder, or looks whether the one that is there is of this board. What somebody has written to its
-/// `board.toml` since stays.
-fn begin(args: &Args, file: &BoardFile) -> anyhow::Result<()> {
-    let path = args.out.join(BOARD);
+/// Makes the session's folder, or looks whether the one that is there is of this board and of these places. What somebody has
+/// written to its `board.toml` since stays.
+fn begin(args: &Args, file: &BoardFile, subject: &Value) -> anyhow::Result<()> {
+    let (path, places) = (args.out.join(BOARD), args.out.join(PLACES));
+    let subject = serde_json::to_string_pretty(subject)?;
     if path.exists() {
         ensure!(
             args.resume,
@@ -76,6 +94,13 @@ fn begin(args: &Args, file: &BoardFile) -> anyhow::Result<()> {
             there.board == file.board,
             "{}: tells of another board; name its options, or begin in another folder",
             path.display()
+        );
+        let begun = fs::read_to_string(&places).with_context(|| places.display().to_string())?;
+        ensure!(
+            begun == subject,
+            "{}: the session was begun with other waypoints, arms or photographs; go on with its own rig file, or begin in \
+             another folder",
+            places.display()
         );
     } else {
         let is_empty = !args.out.exists() || fs::read_dir(&args.out)?.next().is_none();
@@ -90,6 +115,8 @@ fn begin(args: &Args, file: &BoardFile) -> anyhow::Result<()> {
         fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
     }
     if !path.exists() {
+        write_whole(&places, |out| out.write_all(subject.as_bytes()))
+            .with_context(|| places.display().to_string())?;
         let text = file.to_toml().with_context(|| path.display().to_string())?;
         write_whole(&path, |out| out.write_all(text.as_bytes()))
             .with_context(|| path.display().to_string())?;

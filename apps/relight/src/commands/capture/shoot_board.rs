@@ -36,25 +36,25 @@ pub struct Args {
     pub(super) out: PathBuf,
     #[command(flatten)]
     pub(super) board: BoardOptions,
-    /// Size of the photographs.
+    /// Size of virtual photographs.
     #[arg(long, value_name = "WxH", default_value = "1440x1080", value_parser = size)]
     size: (u32, u32),
     /// Camera waypoints [default: 50, or the rig file's].
     #[arg(long, value_name = "N")]
     pub(super) views: Option<usize>,
-    /// Photographs for the lens alone.
+    /// Virtual photographs for the lens alone.
     #[arg(long, value_name = "N", default_value_t = 12)]
     lens_views: usize,
-    /// How often the light's arm touches the board; fewer than three with a declared alignment.
+    /// How often the virtual light's arm touches the board; fewer than three with a declared alignment.
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u64).range(..=MOST_TOUCHES as u64))]
     touches: u64,
-    /// Distortion of the lens, as OpenCV has it; none, as `capture run` shoots, if not given.
+    /// Distortion of the virtual lens, as OpenCV has it; none, as `capture run` shoots, if not given.
     #[arg(long, value_name = "K1,K2,P1,P2,K3", allow_hyphen_values = true, value_parser = distortion)]
     distortion: Option<[f64; 5]>,
-    /// Camera rays a pixel.
+    /// Camera rays a pixel of virtual photographs.
     #[arg(long, value_name = "N", default_value_t = 8)]
     samples: u32,
-    /// Seed of the arms' and the sensor's noise.
+    /// Seed of the virtual arms' and sensor's noise.
     #[arg(long, default_value_t = 0)]
     seed: u64,
     /// Go on with the session in SESSION; begin it if there is none.
