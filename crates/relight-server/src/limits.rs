@@ -104,7 +104,7 @@ impl RateLimits {
 }
 
 /// The address itself, or of IPv6 the /64 network: one client has all of that to itself.
-fn network(client: IpAddr) -> IpAddr {
+pub(crate) fn network(client: IpAddr) -> IpAddr {
     match client.to_canonical() {
         IpAddr::V6(address) => IpAddr::V6(Ipv6Addr::from_bits(address.to_bits() >> 64 << 64)),
         address => address,

@@ -19,6 +19,7 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 
 use crate::app::{App, AppError, AppState, Connection, Settings, router};
 use crate::data_folder::{DataFolder, FolderError};
+use crate::limits::network;
 use crate::retention::{Pruned, prune};
 use crate::store::StoreError;
 use crate::time::Time;
@@ -155,6 +156,7 @@ impl Clients {
     /// One more of a client's, if it has fewer than `most`.
     fn join(self: &Arc<Self>, client: IpAddr, most: usize) -> Option<Joined> {
         let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let client = network(client);
         let own = all.entry(client).or_default();
         if *own >= most {
             return None;

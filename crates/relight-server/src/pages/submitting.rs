@@ -137,7 +137,8 @@ async fn take_in(
 ) -> Result<String, PageError> {
     let bad = |problem: String| ApiError::new(StatusCode::BAD_REQUEST, problem);
     let broken = |error: MultipartError| bad(error.body_text());
-    let slot = begin(app, user.id)?;
+    // Whoever may not upload now is told so once the form is known to be ours.
+    let slot = begin(app, user.id);
     let until = Instant::now() + FIELDS_TIME;
     let (mut method, mut phase, mut visibility) = (Method::default(), None, None);
     let mut is_ours = false;
@@ -169,7 +170,7 @@ async fn take_in(
                 method,
                 declared: None,
             };
-            return Ok(receive_within(app, Ok(slot), upload, field).await?);
+            return Ok(receive_within(app, slot, upload, field).await?);
         }
         let text = short(field, until).await?;
         let line = match name.as_str() {

@@ -78,6 +78,9 @@ async fn score_in_turn(
     only_validation: bool,
 ) {
     while !*stop.borrow() {
+        // From now on, so that nothing comes in unheard between the look and the wait.
+        let mut told = std::pin::pin!(app.wake.notified());
+        told.as_mut().enable();
         match app.store.claim(only_validation, Time::now()).await {
             Ok(Some(claim)) => {
                 let first = Progress { done: 0, all: 1 };
@@ -90,7 +93,7 @@ async fn score_in_turn(
             }
             Ok(None) => {
                 tokio::select! {
-                    () = app.wake.notified() => {}
+                    () = told => {}
                     () = tokio::time::sleep(IDLE) => {}
                     _ = stop.changed() => {}
                 }
