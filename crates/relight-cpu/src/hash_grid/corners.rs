@@ -65,8 +65,8 @@ impl Corners {
         all
     }
 
-    /// Asks memory for the entries of all corners of those samples of the group that are `wanted`, but for those that the sample
-    /// before has too.
+    /// Asks memory for the entries of all corners of those samples of the group that are `wanted` and begin at another entry than the
+    /// sample before: the others' were asked for with that, most of the time.
     #[inline(always)]
     pub fn ask<E>(&self, entries: &[E], wanted: impl Fn(usize) -> bool) {
         let mut left = self.changes;

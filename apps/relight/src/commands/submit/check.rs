@@ -44,18 +44,15 @@ struct Verdict<'a> {
 pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let refusal = match checked(&args.zip, &args.scenes, quiet) {
         Ok(submission) => {
-            check_phase(&submission, args.phase, &args.zip)?;
+            let fits = check_phase(&submission, args.phase, &args.zip);
             let splits: Vec<String> = submission.splits.iter().map(ToString::to_string).collect();
             let images = submission.images.len();
             if args.json {
-                return print_json(&Verdict {
-                    passed: true,
-                    images,
-                    splits,
-                    problems: &[],
-                    more_problems: 0,
-                });
+                let passed = fits.is_ok();
+                print_json(&Verdict { passed, images, splits, problems: &[], more_problems: 0 })?;
+                return fits;
             }
+            fits?;
             let splits = splits.join(", ");
             return print_line(&format!("{}: all right, {images} images ({splits})", args.zip.display()));
         }
