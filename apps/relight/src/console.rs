@@ -25,9 +25,20 @@ const SAME: Duration = Duration::from_millis(200);
 /// Time between plain lines of progress.
 pub const LINE_EVERY: Duration = Duration::from_secs(10);
 
-/// Sends logs to standard error: warnings, or more with `verbose`, or errors only. A server tells more, and when.
-pub fn start_logging(verbose: u8, quiet: bool, is_server: bool) {
-    let level = match (quiet, verbose.saturating_add(is_server.into())) {
+/// How the log looks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Log {
+    /// Lines of text.
+    Plain,
+    /// The same with times, and more of them: a server's.
+    Timed,
+    /// A server's, one JSON object a line.
+    Json,
+}
+
+/// Sends logs to standard error: warnings, or more with `verbose`, or errors only.
+pub fn start_logging(verbose: u8, quiet: bool, log: Log) {
+    let level = match (quiet, verbose.saturating_add((log != Log::Plain).into())) {
         (true, _) => tracing::Level::ERROR,
         (_, 0) => tracing::Level::WARN,
         (_, 1) => tracing::Level::INFO,
@@ -38,7 +49,11 @@ pub fn start_logging(verbose: u8, quiet: bool, is_server: bool) {
         .with_writer(std::io::stderr)
         .with_ansi(std::io::stderr().is_terminal())
         .with_target(false);
-    let lines = if is_server { lines.boxed() } else { lines.without_time().boxed() };
+    let lines = match log {
+        Log::Plain => lines.without_time().boxed(),
+        Log::Timed => lines.boxed(),
+        Log::Json => lines.json().flatten_event(true).boxed(),
+    };
     // The search for boards warns of each of its many tries; what comes of them is told by whoever asked.
     let heard = Targets::new().with_default(level).with_target("calib_targets_charuco", LevelFilter::ERROR);
     tracing_subscriber::registry().with(lines).with(heard).init();

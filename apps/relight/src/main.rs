@@ -75,8 +75,8 @@ fn main() -> ExitCode {
         let mut command = render::Args::augment_args(clap::Command::new("relight render"));
         command.error(ErrorKind::ValueValidation, error).exit();
     }
-    let is_server = matches!(&cli.command, Command::Serve(args) if args.is_server());
-    console::start_logging(cli.verbose, cli.quiet, is_server);
+    let log = if let Command::Serve(args) = &cli.command { args.log() } else { console::Log::Plain };
+    console::start_logging(cli.verbose, cli.quiet, log);
     match run(cli) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {

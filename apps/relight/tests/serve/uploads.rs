@@ -95,6 +95,25 @@ fn a_server_that_is_asked_to_stop_takes_the_upload_in_first() {
 }
 
 #[test]
+fn the_log_is_read_by_programs_too() {
+    use std::io::{BufRead, BufReader};
+
+    let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_relight"));
+    command.args(["serve", "--listen", "127.0.0.1:0", "--log-json", "--data"]).arg(folder.path());
+    let null = std::process::Stdio::null;
+    let mut server =
+        command.stdin(null()).stdout(null()).stderr(std::process::Stdio::piped()).spawn().unwrap();
+    let mut line = String::new();
+    BufReader::new(server.stderr.take().unwrap()).read_line(&mut line).unwrap();
+    server.kill().unwrap();
+    server.wait().unwrap();
+    let line: serde_json::Value = serde_json::from_str(&line).unwrap();
+    assert_eq!((&line["level"], &line["message"]), (&"INFO".into(), &"serving".into()), "{line}");
+    assert!(line["timestamp"].is_string() && line["address"].is_string(), "{line}");
+}
+
+#[test]
 fn one_server_serves_a_folder_and_answers_what_monitors_ask() {
     let board = Board::new();
     let server = board.start();

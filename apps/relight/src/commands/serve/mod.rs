@@ -15,7 +15,7 @@ use relight_server::server::serve;
 use relight_server::submission::Limits;
 use relight_server::worker::{self, Scorer};
 
-use crate::console::{cancel_flag, print_line};
+use crate::console::{Log, cancel_flag, print_line};
 
 /// How often Ctrl-C is looked for.
 const LOOK: Duration = Duration::from_millis(50);
@@ -56,6 +56,9 @@ pub struct Args {
     /// The longest that scoring a submission may take, minutes.
     #[arg(long, value_name = "N", default_value = "60")]
     scoring_minutes: NonZeroU64,
+    /// Log one JSON object a line, for programs that collect logs.
+    #[arg(long)]
+    log_json: bool,
     #[command(subcommand)]
     command: Option<Command>,
 }
@@ -72,9 +75,13 @@ enum Command {
 }
 
 impl Args {
-    /// Whether it is the server itself that runs, and its log is wanted.
-    pub fn is_server(&self) -> bool {
-        self.command.is_none()
+    /// The log of what runs: the server itself, or something else.
+    pub fn log(&self) -> Log {
+        match (&self.command, self.log_json) {
+            (Some(_), _) => Log::Plain,
+            (None, false) => Log::Timed,
+            (None, true) => Log::Json,
+        }
     }
 }
 
