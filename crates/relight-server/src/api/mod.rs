@@ -11,6 +11,7 @@ use axum::{Json, Router};
 use serde_json::{Value, json};
 
 pub use error::ApiError;
+pub(crate) use submissions::Part;
 
 use crate::app::AppState;
 use crate::store::BenchmarkEntry;

@@ -204,10 +204,17 @@ pub(super) async fn one(
     Ok(Json(told(&app, entry, is_own)))
 }
 
-/// Which part of a list is asked for, from 1.
+/// Which part of a list is asked for, in queries.
 #[derive(Debug, Deserialize)]
-pub(super) struct Part {
+pub(crate) struct Part {
     page: Option<NonZeroU32>,
+}
+
+impl Part {
+    /// The part, from 1.
+    pub(crate) fn page(&self) -> u32 {
+        self.page.map_or(1, NonZeroU32::get)
+    }
 }
 
 /// Submissions of whoever asks, newest first, 50 at a time: `GET /api/v1/submissions?page=1`. `next` is the page that follows.
@@ -218,7 +225,7 @@ pub(super) async fn own(
     headers: HeaderMap,
 ) -> Result<Json<Value>, ApiError> {
     let user = known_caller(&app, &headers, client).await?;
-    let page = part.page.map_or(1, NonZeroU32::get);
+    let page = part.page();
     let (entries, has_more) = app.store.submissions_page(Some(user.id), page).await?;
     let entries: Vec<_> = entries.into_iter().map(|entry| told(&app, entry, true)).collect();
     Ok(Json(json!({ "submissions": entries, "next": has_more.then_some(page.saturating_add(1)) })))

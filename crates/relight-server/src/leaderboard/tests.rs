@@ -193,6 +193,21 @@ fn views_read_their_own_addresses() {
 }
 
 #[test]
+fn places_go_by_the_mean_and_equals_share_the_better_one() {
+    let of = |psnr: f64| scores(&[("apple", Split::Easy, &[(psnr, 0.5)])]);
+    let mut entries = [("a", 20.0), ("b", 22.0), ("c", 20.0), ("d", 19.0), ("e", 30.0)]
+        .map(|(id, psnr)| entry(id, of(psnr)));
+    // Baselines do not compete.
+    Arc::make_mut(&mut entries[4].about).baseline = true;
+    let board = Leaderboard::new("rene", &scenes(&["apple"]), &entries);
+    let table = board.table(Split::Easy).unwrap();
+    let mut places: Vec<(&str, usize)> =
+        table.rows.iter().map(|row| (row.about.id.as_str(), table.place(row, Metric::Psnr))).collect();
+    places.sort_unstable();
+    assert_eq!(places[..4], [("a", 2), ("b", 1), ("c", 2), ("d", 4)]);
+}
+
+#[test]
 fn csv_is_quoted_and_runs_no_formula() {
     let mut entry = entry("a", scores(&[("apple", Split::Easy, &[(20.0, 0.5)])]));
     let about = Arc::make_mut(&mut entry.about);

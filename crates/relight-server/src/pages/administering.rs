@@ -7,7 +7,7 @@ use serde::Deserialize;
 use super::admin;
 use super::history::Pages;
 use super::session::{Guest, PageError, Posted};
-use super::submitting::Part;
+use crate::api::Part;
 use crate::app::AppState;
 use crate::method::Phase;
 use crate::store::Quota;

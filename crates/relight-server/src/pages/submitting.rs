@@ -1,6 +1,5 @@
 //! Submitting from a form, and what users do with what they have submitted.
 
-use std::num::NonZeroU32;
 use std::time::Duration;
 
 use axum::extract::multipart::{Field, MultipartError};
@@ -14,7 +13,7 @@ use super::browse::submission_page;
 use super::history::{self, Line, Pages};
 use super::members::{Nothing, capital};
 use super::session::{Guest, PageError, Posted};
-use crate::api::ApiError;
+use crate::api::{ApiError, Part};
 use crate::app::AppState;
 use crate::disclosure::tell_mean;
 use crate::leaderboard::percent_encoded;
@@ -29,18 +28,6 @@ const FIELD: usize = 32 << 10;
 const FIELDS_TIME: Duration = Duration::from_secs(30);
 /// Fields of the form at most.
 const FIELDS: usize = 20;
-
-/// Which part of a list is asked for, from 1.
-#[derive(Debug, Default, Deserialize)]
-pub(super) struct Part {
-    page: Option<NonZeroU32>,
-}
-
-impl Part {
-    pub(super) fn page(&self) -> u32 {
-        self.page.map_or(1, NonZeroU32::get)
-    }
-}
 
 pub(super) async fn history(
     State(app): State<AppState>,
