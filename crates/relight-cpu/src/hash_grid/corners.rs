@@ -15,8 +15,8 @@ pub const ALL: u32 = (1 << GROUP) - 1;
 /// Primes of the spatial hash (Mueller et al. 2022, equation 4); the first is 1.
 const PRIMES: [u32; 2] = [2_654_435_761, 805_459_861];
 
-/// Entry indices and trilinear weights of the eight corners of a group of samples.
-#[derive(Clone, Copy)]
+/// Entry indices and trilinear weights of the eight corners of a group of samples. A kilobyte, not to be copied about.
+#[derive(Default)]
 pub struct Corners {
     pub index: [[u32; GROUP]; CORNERS],
     pub weight: [[f32; GROUP]; CORNERS],
@@ -25,10 +25,17 @@ pub struct Corners {
 }
 
 impl Corners {
-    /// Corners around samples `c..c + GROUP` of a tile, whose positions are `[3][columns]`. Samples outside the cube are
-    /// moved to its surface.
+    /// Becomes the corners around samples `c..c + GROUP` of a tile, whose positions are `[3][columns]`. Samples outside the
+    /// cube are moved to its surface.
     #[inline(always)]
-    pub fn around<S: Simd>(simd: S, level: &GridLevel, positions: &[f32], columns: usize, c: usize) -> Self {
+    pub fn surround<S: Simd>(
+        &mut self,
+        simd: S,
+        level: &GridLevel,
+        positions: &[f32],
+        columns: usize,
+        c: usize,
+    ) {
         let side = level.resolution + 1;
         let strides = if level.hashed { PRIMES } else { [side, side.wrapping_mul(side)] };
         let (xs, rest) = positions.split_at(columns);
@@ -39,18 +46,16 @@ impl Corners {
         let (z, wz) = neighbours(simd, level, &zs[c..c + GROUP], strides[1]);
         // The number of entries of a hashed level is a power of two.
         let mask = u32x16::splat(simd, level.entries as u32 - 1);
-        let mut corners = Self { index: [[0; GROUP]; CORNERS], weight: [[0.0; GROUP]; CORNERS], changes: 1 };
         for corner in 0..CORNERS {
             let [i, j, k] = [corner & 1, corner >> 1 & 1, corner >> 2];
             let index = if level.hashed { (x[i] ^ y[j] ^ z[k]) & mask } else { x[i] + y[j] + z[k] };
-            index.store_slice(&mut corners.index[corner]);
+            index.store_slice(&mut self.index[corner]);
             if corner == 0 {
                 let before = index.slide::<{ GROUP - 1 }>(index);
-                corners.changes |= !index.simd_eq(before).to_bitmask() as u32 & ALL;
+                self.changes = (1 | !index.simd_eq(before).to_bitmask() as u32) & ALL;
             }
-            (wx[i] * wy[j] * wz[k]).store_slice(&mut corners.weight[corner]);
+            (wx[i] * wy[j] * wz[k]).store_slice(&mut self.weight[corner]);
         }
-        corners
     }
 
     /// The samples of the group that have the same entries as sample `i`, as those in one cell do.

@@ -14,6 +14,7 @@ use super::{CORNERS, Entry, HashGrid, OPERATIONS, TiledPositions};
 const NEAR: usize = 1 << 18;
 /// Changes of cell from one sample of a group to the next, up to which each cell's corners are read once for all samples in it.
 const FEW: u32 = 8;
+
 impl HashGrid {
     /// Encodes all tiles: `features` is `[tile][2 * levels][columns]`.
     pub fn encode(&self, simd: Level, positions: TiledPositions<'_>, features: &mut [f32]) {
@@ -31,11 +32,12 @@ impl HashGrid {
                 if count == 0 {
                     return;
                 }
-                let mut next = self.group(simd, positions, (0, 0, 0));
+                let place = |i: usize| (i / (tiles * groups), i / groups % tiles, i % groups * GROUP);
+                let (mut here, mut next) = (&mut Corners::default(), &mut Corners::default());
+                self.group(simd, positions, place(0), next);
                 for i in 0..count {
-                    let here = next;
-                    let place = |i: usize| (i / (tiles * groups), i / groups % tiles, i % groups * GROUP);
-                    next = self.group(simd, positions, place((i + 1).min(count - 1)));
+                    std::mem::swap(&mut here, &mut next);
+                    self.group(simd, positions, place((i + 1).min(count - 1)), next);
                     let (l, tile, c) = place(i);
                     let table = self.table_of(l);
                     let rows = &mut features[(tile * self.outputs() + 2 * l) * columns..][..2 * columns];
@@ -77,23 +79,23 @@ impl HashGrid {
         );
     }
 
-    /// The corners at level `l` around the group of samples of a tile that begins at column `c`, asked of memory.
+    /// Finds the corners at level `l` around the group of samples of a tile that begins at column `c`, and asks memory for them.
     #[inline(always)]
     fn group<S: Simd>(
         &self,
         simd: S,
         positions: TiledPositions<'_>,
         (l, tile, c): (usize, usize, usize),
-    ) -> Corners {
+        corners: &mut Corners,
+    ) {
         let columns = positions.columns;
         let tile = &positions.data[tile * 3 * columns..(tile + 1) * 3 * columns];
-        let corners = Corners::around(simd, &self.levels[l], tile, columns, c);
+        corners.surround(simd, &self.levels[l], tile, columns, c);
         let table = self.table_of(l);
         // Smaller tables come from a near cache, sooner than asking pays.
         if size_of_val(table) > NEAR {
             corners.ask(table, |_| true);
         }
-        corners
     }
 
     /// The entries of level `l`.

@@ -56,12 +56,13 @@ impl LevelGradient {
                 let (gradient, mut samples) = (&mut self.gradient[..level.entries], 0);
                 let (row0, row1) = rows.split_at(columns);
                 let learns = |c: usize| row0[c] != 0.0 || row1[c] != 0.0;
-                let mut next = Corners::around(simd, level, positions, columns, 0);
+                let (mut here, mut next) = (&mut Corners::default(), &mut Corners::default());
+                next.surround(simd, level, positions, columns, 0);
                 next.ask(gradient, learns);
                 for c in (0..columns).step_by(GROUP) {
-                    let here = next;
+                    std::mem::swap(&mut here, &mut next);
                     let after = (c + GROUP).min(columns - GROUP);
-                    next = Corners::around(simd, level, positions, columns, after);
+                    next.surround(simd, level, positions, columns, after);
                     next.ask(gradient, |i| learns(after + i));
                     for i in (0..GROUP).filter(|i| learns(c + i)) {
                         samples += 1;
