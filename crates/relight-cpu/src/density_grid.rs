@@ -9,7 +9,7 @@ use relight_scene::Bounds;
 use crate::prefetch::ask;
 
 /// Cells an axis of a brick.
-const BRICK: usize = 8;
+pub const BRICK: usize = 8;
 /// Cells of a brick.
 const BRICK_CELLS: usize = BRICK * BRICK * BRICK;
 /// Bits of a density that a code does without: its last 20, so that three of the mantissa stay.
@@ -65,6 +65,11 @@ impl DensityGrid {
         self.cell_size
     }
 
+    /// Cells an axis.
+    pub fn resolution(&self) -> usize {
+        self.bricks * BRICK
+    }
+
     /// All cells, in the order of storage.
     pub fn cells(&self) -> Vec<u8> {
         self.cells.iter().map(get).collect()
@@ -91,39 +96,20 @@ impl DensityGrid {
     /// The cell of a position in the unit cube; positions outside belong to the nearest.
     pub fn cell(&self, unit: [f32; 3]) -> usize {
         // Signed: processors convert to those at once.
-        let cells = (self.bricks * BRICK) as i32;
-        let [x, y, z] = unit.map(|u| ((u * cells as f32) as i32).clamp(0, cells - 1) as usize);
+        let cells = self.resolution() as i32;
+        self.cell_at(unit.map(|u| ((u * cells as f32) as i32).clamp(0, cells - 1) as usize))
+    }
+
+    /// The cell at a place counted in cells along the three axes.
+    pub fn cell_at(&self, [x, y, z]: [usize; 3]) -> usize {
         let brick = x / BRICK + self.bricks * (y / BRICK + self.bricks * (z / BRICK));
         brick * BRICK_CELLS + x % BRICK + BRICK * (y % BRICK + BRICK * (z % BRICK))
     }
 
-    /// Multiples of a direction in the unit cube in which a ray goes from one face of a brick to the opposite one, for
-    /// each axis; a huge number for faces that it runs along.
-    pub fn brick_crossings(&self, direction: [f32; 3]) -> [f32; 3] {
-        let bricks = self.bricks as f32;
-        direction.map(|d| if d == 0.0 { f32::MAX } else { (1.0 / (d * bricks)).clamp(f32::MIN, f32::MAX) })
-    }
-
-    /// How far a ray can go on from `unit` in the unit cube and still be in bricks in which nothing is thick enough to
-    /// count, if `cell` there is in one: in multiples of its direction, whose [`DensityGrid::brick_crossings`] are
-    /// `crossings`.
-    pub fn empty_ahead(&self, unit: [f32; 3], cell: usize, crossings: [f32; 3]) -> Option<f32> {
-        let distance = get(&self.distance[cell / BRICK_CELLS]);
-        if distance == 0 {
-            return None;
-        }
-        // All bricks nearer than that are empty as well.
-        let around = f32::from(distance - 1);
-        let to_face = |a: usize| {
-            let scaled = unit[a] * self.bricks as f32;
-            let within = scaled - (scaled as i32) as f32;
-            if crossings[a] > 0.0 {
-                (around + 1.0 - within) * crossings[a]
-            } else {
-                -(around + within) * crossings[a]
-            }
-        };
-        Some((0..3).map(to_face).fold(f32::INFINITY, f32::min))
+    /// Bricks from that of a cell to the nearest one in which something is thick enough to count, along the axis on which they are
+    /// farthest apart; larger distances than a few bricks are not told apart.
+    pub fn to_occupied(&self, cell: usize) -> u8 {
+        get(&self.distance[cell / BRICK_CELLS])
     }
 
     /// Optical depth of one step through a cell; 0 where that is too thin to count.
@@ -225,39 +211,22 @@ mod tests {
 
     proptest! {
         #[test]
-        fn rays_may_skip_what_is_empty_and_nothing_else(
+        fn bricks_know_how_far_the_nearest_is_that_is_not_empty(
             occupied in proptest::collection::vec([0usize..8, 0usize..8, 0usize..8], 0..4),
-            unit in [0f32..1.0, 0f32..1.0, 0f32..1.0],
-            direction in [-2f32..2.0, -2f32..2.0, 0.01f32..2.0],
-            (flat, back) in any::<(bool, bool)>(),
         ) {
             let mut grid = of_bricks(&occupied);
-            let direction = if flat { [direction[0], 0.0, direction[2]] } else { direction };
-            let direction = if back { direction.map(|d| -d) } else { direction };
-            let brick = |unit: [f32; 3]| unit.map(|u| (u * 8.0) as usize);
-            let distance = |brick: [usize; 3]| {
+            for brick in (0..512).map(|i| [i % 8, i / 8 % 8, i / 64]) {
                 let apart = |o: &[usize; 3]| (0..3).map(|a| o[a].abs_diff(brick[a])).max();
-                occupied.iter().filter_map(apart).min().unwrap_or(8)
-            };
-            for _ in 0..2 {
-                let ahead = grid.empty_ahead(unit, grid.cell(unit), grid.brick_crossings(direction));
-                prop_assert_eq!(ahead.is_none(), distance(brick(unit)) == 0);
-                if let Some(ahead) = ahead {
-                    // As far as the box around the brick goes that is known to be empty.
-                    let around = distance(brick(unit)).min(4) as f32 - 1.0;
-                    let to_face = |a: usize| {
-                        let low = (brick(unit)[a] as f32 - around) / 8.0;
-                        let face = if direction[a] > 0.0 { low + (2.0 * around + 1.0) / 8.0 } else { low };
-                        if direction[a] == 0.0 { f32::INFINITY } else { (face - unit[a]) / direction[a] }
-                    };
-                    let expected = (0..3).map(to_face).fold(f32::INFINITY, f32::min);
-                    prop_assert!((ahead - expected).abs() <= 1e-4 * (1.0 + expected), "{} {}", ahead, expected);
-                }
-                // Found anew, distances are what they had become one by one.
-                let cells = grid.cells();
-                grid.fill(5.0);
-                grid.set_cells(&cells);
+                let nearest = occupied.iter().filter_map(apart).min().unwrap_or(8).min(4);
+                let cell = grid.cell_at(brick.map(|b| 8 * b + 5));
+                prop_assert_eq!(usize::from(grid.to_occupied(cell)), nearest);
             }
+            // Found anew, distances are what they had become one by one.
+            let known: Vec<u8> = grid.distance.iter().map(get).collect();
+            let cells = grid.cells();
+            grid.fill(5.0);
+            grid.set_cells(&cells);
+            prop_assert_eq!(grid.distance.iter().map(get).collect::<Vec<u8>>(), known);
         }
     }
 

@@ -2,8 +2,11 @@
 //!
 //! A ray looks at the grid in steps of a cell. Bricks in which nothing is are stepped over.
 
+use fearless_simd::{Level, Simd, dispatch};
+
 use crate::density_grid::DensityGrid;
-use crate::march::{UnitCube, along, draw};
+use crate::march::{UnitCube, draw};
+use crate::walk::Walk;
 
 /// Share of guided samples spread evenly, so that what the density grid does not know of is found (training).
 const UNIFORM_SHARE: f32 = 0.15;
@@ -20,51 +23,7 @@ const MOST_BINS: usize = 2048;
 /// Placing ends where less than this of the limited transmittance is left.
 const TRANSMITTANCE_END: f32 = 0.01;
 
-/// Optical depths of the cells that a ray from `o` along `d`, both in the unit cube, meets in the middle of its `bins`
-/// steps of length `step` from `near` on, each with the number of its step. Those of empty bricks are stepped over.
-fn optical_depths(
-    grid: &DensityGrid,
-    (o, d): ([f32; 3], [f32; 3]),
-    (near, step, bins): (f32, f32, usize),
-) -> impl Iterator<Item = (usize, f32)> {
-    let (mut next, crossings, steps_a_metre) = (0, grid.brick_crossings(d), 1.0 / step);
-    std::iter::from_fn(move || {
-        while next < bins {
-            let b = next;
-            let unit = along(o, d, near + (b as f32 + 0.5) * step);
-            let cell = grid.cell(unit);
-            let Some(ahead) = grid.empty_ahead(unit, cell, crossings) else {
-                next += 1;
-                return Some((b, grid.optical_depth(cell)));
-            };
-            next = b.saturating_add(((ahead * steps_a_metre) as usize).max(1));
-        }
-        None
-    })
-}
-
-/// Whether the density grid knows of nothing between two distances that could shade what lies behind.
-pub fn is_clear(
-    grid: &DensityGrid,
-    cube: &UnitCube,
-    (origin, direction): ([f32; 3], [f32; 3]),
-    (near, far): (f32, f32),
-) -> bool {
-    let step = grid.cell_size().max((far - near) / MOST_BINS as f32);
-    let stretch = step / grid.cell_size();
-    let (o, mut depth) = (cube.map(origin), 0.0);
-    let d = cube.map_direction(direction);
-    let bins = ((far - near) / step).ceil() as usize;
-    for (_, optical) in optical_depths(grid, (o, d), (near, step, bins)) {
-        depth += optical * stretch;
-        if depth > SHADING {
-            return false;
-        }
-    }
-    true
-}
-
-/// Memory for [`guided`], reused from ray to ray.
+/// Memory for [`Guide::guided`], reused from ray to ray.
 #[derive(Default)]
 pub struct GuideScratch {
     /// Steps at which something may be, ascending, with the chance of a sample there.
@@ -107,64 +66,104 @@ impl GuideScratch {
     }
 }
 
-/// Places samples where the density grid says that something is: `t.len() - 1` of them inside, the last where the
-/// ray leaves the box.
-pub fn guided(
-    grid: &DensityGrid,
-    cube: &UnitCube,
-    (origin, direction): ([f32; 3], [f32; 3]),
-    (near, far): (f32, f32),
-    jitter: Option<&dyn Fn(usize) -> f32>,
-    scratch: &mut GuideScratch,
-    t: &mut [f32],
-) {
-    let Some((last, t)) = t.split_last_mut() else { return };
-    *last = far;
-    // Cells as long as the shortest side of the box allows, unless that makes too many of them.
-    let step = grid.cell_size().max((far - near) / MOST_BINS as f32);
-    let stretch = step / grid.cell_size();
-    let bins = (((far - near) / step).ceil() as usize).clamp(1, MOST_BINS);
-    scratch.occupied.clear();
-    let (o, mut limited, mut depth) = (cube.map(origin), 1f32, 0f32);
-    let d = cube.map_direction(direction);
-    let (least, limit) = match jitter {
-        Some(_) => (UNIFORM_SHARE, OPACITY_LIMIT),
-        None => (UNIFORM_SHARE_DRAWING, OPACITY_LIMIT_DRAWING),
-    };
-    for (b, optical) in optical_depths(grid, (o, d), (near, step, bins)) {
-        let optical = optical * stretch;
-        if optical == 0.0 {
-            continue;
-        }
-        depth += optical;
-        let alpha = (1.0 - (-optical).exp()).min(limit);
-        // A surface may lie just outside the cell that knows of it.
-        for near_by in b.saturating_sub(1)..(b + 2).min(bins) {
-            scratch.raise(near_by, limited * alpha);
-        }
-        limited *= 1.0 - alpha;
-        if limited < TRANSMITTANCE_END {
-            break;
-        }
+/// What the density grid tells rays.
+#[derive(Clone, Copy)]
+pub struct Guide<'a> {
+    /// Instruction set.
+    pub simd: Level,
+    /// The grid.
+    pub density: &'a DensityGrid,
+    /// Its box.
+    pub cube: UnitCube,
+}
+
+impl Guide<'_> {
+    /// Whether the density grid knows of nothing between two distances that could shade what lies behind.
+    pub fn is_clear(&self, (origin, direction): ([f32; 3], [f32; 3]), (near, far): (f32, f32)) -> bool {
+        let step = self.density.cell_size().max((far - near) / MOST_BINS as f32);
+        let stretch = step / self.density.cell_size();
+        let (o, mut depth) = (self.cube.map(origin), 0.0);
+        let d = self.cube.map_direction(direction);
+        let bins = ((far - near) / step).ceil() as usize;
+        dispatch!(self.simd, simd => simd.vectorize(
+            #[inline(always)]
+            || {
+                Walk::new(simd, self.density, (o, d), (near, step, bins)).all(|(_, optical)| {
+                    depth += optical * stretch;
+                    depth <= SHADING
+                })
+            },
+        ))
     }
-    let total: f32 = scratch.occupied.iter().map(|(_, chance)| chance).sum();
-    let uniform = if total > 0.0 { least + (1.0 - least) * (-depth).exp() } else { 1.0 };
-    let scale = if total > 0.0 { (1.0 - uniform) / total } else { 0.0 };
-    scratch.divide(bins, scale, uniform / bins as f32);
-    let end = |stretch: usize| (near + scratch.ends[stretch] as f32 * step).min(far);
-    match jitter {
-        Some(jitter) => draw(&scratch.mass, near, end, jitter, t),
-        None => draw(&scratch.mass, near, end, |_| 0.5, t),
+
+    /// Places samples where the density grid says that something is: `t.len() - 1` of them inside, the last where the
+    /// ray leaves the box.
+    pub fn guided(
+        &self,
+        (origin, direction): ([f32; 3], [f32; 3]),
+        (near, far): (f32, f32),
+        jitter: Option<&dyn Fn(usize) -> f32>,
+        scratch: &mut GuideScratch,
+        t: &mut [f32],
+    ) {
+        let Some((last, t)) = t.split_last_mut() else { return };
+        *last = far;
+        // Cells as long as the shortest side of the box allows, unless that makes too many of them.
+        let step = self.density.cell_size().max((far - near) / MOST_BINS as f32);
+        let stretch = step / self.density.cell_size();
+        let bins = (((far - near) / step).ceil() as usize).clamp(1, MOST_BINS);
+        scratch.occupied.clear();
+        let (o, mut limited, mut depth) = (self.cube.map(origin), 1f32, 0f32);
+        let d = self.cube.map_direction(direction);
+        let (least, limit) = match jitter {
+            Some(_) => (UNIFORM_SHARE, OPACITY_LIMIT),
+            None => (UNIFORM_SHARE_DRAWING, OPACITY_LIMIT_DRAWING),
+        };
+        dispatch!(self.simd, simd => simd.vectorize(
+            #[inline(always)]
+            || {
+                for (b, optical) in Walk::new(simd, self.density, (o, d), (near, step, bins)) {
+                    let optical = optical * stretch;
+                    if optical == 0.0 {
+                        continue;
+                    }
+                    depth += optical;
+                    let alpha = (1.0 - (-optical).exp()).min(limit);
+                    // A surface may lie just outside the cell that knows of it.
+                    for near_by in b.saturating_sub(1)..(b + 2).min(bins) {
+                        scratch.raise(near_by, limited * alpha);
+                    }
+                    limited *= 1.0 - alpha;
+                    if limited < TRANSMITTANCE_END {
+                        break;
+                    }
+                }
+            },
+        ));
+        let total: f32 = scratch.occupied.iter().map(|(_, chance)| chance).sum();
+        let uniform = if total > 0.0 { least + (1.0 - least) * (-depth).exp() } else { 1.0 };
+        let scale = if total > 0.0 { (1.0 - uniform) / total } else { 0.0 };
+        scratch.divide(bins, scale, uniform / bins as f32);
+        let end = |stretch: usize| (near + scratch.ends[stretch] as f32 * step).min(far);
+        match jitter {
+            Some(jitter) => draw(&scratch.mass, near, end, jitter, t),
+            None => draw(&scratch.mass, near, end, |_| 0.5, t),
+        }
     }
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
+    use crate::march::along;
     use crate::march::tests::{BOUNDS, assert_ascends, assert_tiles, direction, origin};
     use proptest::prelude::*;
     use relight_field::random::Random;
     use relight_scene::Bounds;
+
+    pub(crate) fn guide<'a>(density: &'a DensityGrid, &cube: &UnitCube) -> Guide<'a> {
+        Guide { simd: Level::new(), density, cube }
+    }
 
     /// Density of the background and of some cells.
     fn occupied() -> impl Strategy<Value = (f32, Vec<(usize, f32)>)> {
@@ -172,7 +171,7 @@ mod tests {
         (prop_oneof![Just(0f32), Just(1.0), Just(1e30)], seen)
     }
 
-    /// [`is_clear`], looking at every cell.
+    /// [`Guide::is_clear`], looking at every cell.
     fn is_clear_cell_by_cell(
         grid: &DensityGrid,
         cube: &UnitCube,
@@ -186,7 +185,7 @@ mod tests {
         (0..bins).map(|b| grid.optical_depth(grid.cell(place(b)))).sum::<f32>() <= SHADING
     }
 
-    /// [`guided`], with every step an entry of the distribution, and the middle of each part drawn.
+    /// [`Guide::guided`], with every step an entry of the distribution, and the middle of each part drawn.
     fn guided_step_by_step(
         grid: &DensityGrid,
         cube: &UnitCube,
@@ -233,7 +232,7 @@ mod tests {
             let steps = ((far - near) / grid.cell_size()).floor();
             let (ray, span) = ((origin, direction), (near, near + (steps - 1e-3).max(0.0) * grid.cell_size()));
             let (mut t, mut plain) = ([0f32; 24], [0f32; 24]);
-            guided(&grid, &cube, ray, span, Some(&|_| 0.5), &mut GuideScratch::default(), &mut t);
+            guide(&grid, &cube).guided(ray, span, Some(&|_| 0.5), &mut GuideScratch::default(), &mut t);
             guided_step_by_step(&grid, &cube, ray, span, &mut plain);
             let slack = 1e-3 * (span.1 - span.0) + 1e-6;
             prop_assert!(t.iter().zip(&plain).all(|(t, p)| (t - p).abs() <= slack), "{t:?} {plain:?}");
@@ -249,7 +248,7 @@ mod tests {
             occupied.iter().for_each(|&cell| grid.observe(cell, density));
             let (ray, span) = ((origin, direction), cube.clip(origin, direction));
             let plain = is_clear_cell_by_cell(&grid, &cube, ray, span);
-            prop_assert_eq!(is_clear(&grid, &cube, ray, span), plain);
+            prop_assert_eq!(guide(&grid, &cube).is_clear(ray, span), plain);
         }
 
         #[test]
@@ -264,7 +263,7 @@ mod tests {
             let mut t = vec![f32::NAN; n];
             let jitter = seed.map(|seed| move |i: usize| Random::new(seed, 0).uniform_at(i as u64));
             let jitter = jitter.as_ref().map(|j| j as &dyn Fn(usize) -> f32);
-            guided(&grid, &cube, (origin, direction), span, jitter, &mut GuideScratch::default(), &mut t);
+            guide(&grid, &cube).guided((origin, direction), span, jitter, &mut GuideScratch::default(), &mut t);
             assert_ascends(&t, span);
             prop_assert_eq!(t[n - 1], span.1);
             assert_tiles(&t, span);
@@ -280,7 +279,7 @@ mod tests {
             let grid = DensityGrid::uniform(&bounds, 16, density);
             let (ray, span) = (([0.05, 0.05, -1.0], [0.0, 0.0, 1.0]), (1.0, 31.0));
             let mut t = vec![f32::NAN; 61];
-            guided(&grid, &cube, ray, span, None, &mut GuideScratch::default(), &mut t);
+            guide(&grid, &cube).guided(ray, span, None, &mut GuideScratch::default(), &mut t);
             let ends = (t[0], t[59]);
             assert!(ends.0 < 2.0 && ends.1 > 30.0 && ends.1 <= 31.0, "density {density}: {ends:?}");
         }
@@ -299,7 +298,7 @@ mod tests {
         let ray = ([0.1, 0.3, 0.0], [0.0, 0.0, 1.0]);
         let near_slab = |jitter: Option<&dyn Fn(usize) -> f32>| {
             let mut t = vec![f32::NAN; 101];
-            guided(&grid, &cube, ray, (2.0, 4.0), jitter, &mut GuideScratch::default(), &mut t);
+            guide(&grid, &cube).guided(ray, (2.0, 4.0), jitter, &mut GuideScratch::default(), &mut t);
             // The slab fills 3.0 to 3.03 m.
             t[..100].iter().filter(|t| (2.95..3.1).contains(*t)).count()
         };

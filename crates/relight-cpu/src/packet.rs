@@ -3,9 +3,7 @@
 //! Rays of neighbouring pixels go through the same cells nearly all the way. Where samples are not random, in pictures and
 //! the scores of pictures, the first ray of a packet looks at the grid and the others take their samples where it does.
 
-use crate::density_grid::DensityGrid;
-use crate::guide::{GuideScratch, guided};
-use crate::march::UnitCube;
+use crate::guide::{Guide, GuideScratch};
 
 /// Cells of the density grid that a ray may be away from the first of its packet.
 const WIDTH: f32 = 0.5;
@@ -32,19 +30,18 @@ impl Packet {
         self.first = None;
     }
 
-    /// Places the samples `t` (metres, ascending) of the next ray, of an origin and a unit direction: as [`guided`] does, or
+    /// Places the samples `t` (metres, ascending) of the next ray, of an origin and a unit direction: as [`Guide::guided`] does, or
     /// where those of its packet's first ray are.
     pub fn place(
         &mut self,
-        grid: &DensityGrid,
-        cube: &UnitCube,
+        guide: Guide<'_>,
         (origin, direction): ([f32; 3], [f32; 3]),
         span: (f32, f32),
         jitter: Option<&dyn Fn(usize) -> f32>,
         t: &mut [f32],
     ) {
         let first = First { origin, direction, span };
-        let is_close = |other: &First| other.is_close(&first, grid.cell_size());
+        let is_close = |other: &First| other.is_close(&first, guide.density.cell_size());
         if jitter.is_none() && self.first.as_ref().is_some_and(is_close) && self.t.len() == t.len() {
             t.iter_mut().zip(&self.t).for_each(|(t, first)| *t = first.clamp(span.0, span.1));
             if let Some(last) = t.last_mut() {
@@ -52,7 +49,7 @@ impl Packet {
             }
             return;
         }
-        guided(grid, cube, (origin, direction), span, jitter, &mut self.scratch, t);
+        guide.guided((origin, direction), span, jitter, &mut self.scratch, t);
         self.first = jitter.is_none().then_some(first);
         self.t.clear();
         self.t.extend_from_slice(t);
@@ -74,6 +71,9 @@ impl First {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::density_grid::DensityGrid;
+    use crate::guide::tests::guide;
+    use crate::march::UnitCube;
     use crate::march::tests::{BOUNDS, assert_ascends, assert_tiles};
     use relight_field::random::Random;
 
@@ -82,11 +82,13 @@ mod tests {
     /// Samples of each of these rays, all from `origin`, in one packet after the other; and of each by itself.
     fn place(grid: &DensityGrid, origin: [f32; 3], directions: &[[f32; 3]]) -> Vec<([f32; 16], [f32; 16])> {
         let (cube, mut packet) = (UnitCube::new(&BOUNDS), Packet::default());
+        let guide = guide(grid, &cube);
         let one = |&direction: &[f32; 3]| {
             let span = cube.clip(origin, direction);
             let (mut t, mut alone) = ([f32::NAN; SAMPLES], [f32::NAN; SAMPLES]);
-            packet.place(grid, &cube, (origin, direction), span, None, &mut t);
-            guided(grid, &cube, (origin, direction), span, None, &mut GuideScratch::default(), &mut alone);
+            packet.place(guide, (origin, direction), span, None, &mut t);
+            let (ray, mut scratch) = ((origin, direction), GuideScratch::default());
+            guide.guided(ray, span, None, &mut scratch, &mut alone);
             assert_ascends(&t, span);
             assert_tiles(&t, span);
             assert_eq!(t[SAMPLES - 1], span.1);
@@ -140,7 +142,7 @@ mod tests {
     fn other_origins_and_random_samples_are_rays_by_themselves() {
         let (cube, grid) = (UnitCube::new(&BOUNDS), DensityGrid::uniform(&BOUNDS, 64, 0.0));
         grid.observe(grid.cell([0.5, 0.5, 0.5]), 400.0);
-        let mut packet = Packet::default();
+        let (guide, mut packet) = (guide(&grid, &cube), Packet::default());
         let draw = |k: usize| k as f32 / SAMPLES as f32;
         let draw: Option<&dyn Fn(usize) -> f32> = Some(&draw);
         let rays = [([0.0, 0.4, 0.0], None), ([1e-3, 0.4, 0.0], None), ([1e-3, 0.4, 0.0], draw)];
@@ -148,8 +150,8 @@ mod tests {
             let ray = (origin, [0.0, 0.0, 1.0]);
             let span = cube.clip(origin, ray.1);
             let (mut t, mut own) = ([f32::NAN; SAMPLES], [f32::NAN; SAMPLES]);
-            packet.place(&grid, &cube, ray, span, jitter, &mut t);
-            guided(&grid, &cube, ray, span, jitter, &mut GuideScratch::default(), &mut own);
+            packet.place(guide, ray, span, jitter, &mut t);
+            guide.guided(ray, span, jitter, &mut GuideScratch::default(), &mut own);
             assert_eq!(t, own);
         }
     }

@@ -13,7 +13,6 @@ use relight_field::engine::Rays;
 use relight_field::sampling::Sampling;
 
 use crate::experience::Seen;
-use crate::guide;
 use crate::march::along;
 use crate::samples::{Jitter, Marcher, SampleBatch};
 use crate::shade::CodedLight;
@@ -88,7 +87,7 @@ impl<'a> Probes<'a> {
             let (origin, length) = (along(point, direction, gap), (length - gap).max(0.0));
             let (near, far) = marcher.cube.clip(origin, direction);
             let span = (near, far.min(length));
-            if !guide::is_clear(marcher.density, &marcher.cube, (origin, direction), span) {
+            if !marcher.guide().is_clear((origin, direction), span) {
                 rays.origins.push(origin);
                 rays.directions.push(direction);
                 lengths.push(length);

@@ -9,6 +9,7 @@ use relight_field::sampling::Sampling;
 
 use crate::dense::padded;
 use crate::density_grid::DensityGrid;
+use crate::guide::Guide;
 use crate::hash_grid::{HashGrid, TiledPositions, set_position};
 use crate::march::{self, UnitCube, along};
 use crate::networks::Networks;
@@ -46,6 +47,13 @@ pub struct Marcher<'a> {
     pub simd: Level,
     /// Idle workspaces.
     pub workspaces: &'a Pool<Workspace>,
+}
+
+impl<'a> Marcher<'a> {
+    /// What the density grid tells.
+    pub fn guide(&self) -> Guide<'a> {
+        Guide { simd: self.simd, density: self.density, cube: self.cube }
+    }
 }
 
 /// Samples of rays that one thread looks along. Tile `i` holds rays `i * tile_rays` and following; the columns of its samples are
@@ -107,7 +115,7 @@ impl SampleBatch {
                     let draw = |k| jitter.at(ray, k);
                     let draw: Option<&dyn Fn(usize) -> f32> = jitter.0.is_some().then_some(&draw);
                     let along = (rays.origins[ray], rays.directions[ray]);
-                    self.packet.place(marcher.density, &marcher.cube, along, span, draw, t);
+                    self.packet.place(marcher.guide(), along, span, draw, t);
                 });
             }
             Sampling::Stratified { coarse, fine } => {
