@@ -1,13 +1,13 @@
 //! Pictures and single points: the forward half of a step.
 
 use rayon::prelude::*;
-use relight_field::architecture::LightInput;
+use relight_field::architecture::{EMBEDDING, LightInput};
 use relight_field::engine::{EngineError, FieldValues, Outputs, Points, Rays, Samples};
 use relight_field::sampling::{Sampling, Shading};
 
 use crate::deferred;
 use crate::dense::padded;
-use crate::front_to_back::FrontToBack;
+use crate::front_to_back::{self, FrontToBack};
 use crate::hash_grid::{TiledPositions, set_position};
 use crate::march::along;
 use crate::networks::Networks;
@@ -16,8 +16,8 @@ use crate::samples::{Jitter, Marcher, SampleBatch};
 use crate::shade::{CodedLight, Point, Shader};
 use crate::tile::Workspace;
 
-/// Rays that are marched and encoded together.
-const BLOCK_RAYS: usize = 2048;
+/// Rays that are marched and encoded together: whole tiles, and so few that what they have met stays in the second-level cache.
+const BLOCK_RAYS: usize = 10 * front_to_back::TILE_RAYS;
 /// Columns a tile aims at.
 const TILE_COLUMNS: usize = 192;
 /// Points of a query that are evaluated together.
@@ -112,11 +112,10 @@ fn draw_deferred(
                 Point { ray, position: along(rays.origins[ray], rays.directions[ray], t), weight }
             }));
             shader.features.clear();
-            let features = marcher.networks.point_features();
-            for (feature, row) in seen.features.chunks_exact(n).enumerate() {
+            for (of_rays, of_faces) in seen.feature_rows() {
                 shader.features.extend(sites.iter().map(|&(ray, face)| match face {
-                    None => row[ray] / inside(ray),
-                    Some(face) => seen.face_features[face * features + feature],
+                    None => of_rays[ray] / inside(ray),
+                    Some(face) => of_faces[face],
                 }));
             }
             shader.forward(marcher.simd, marcher.networks, &rays.directions, 1, |_, _| light);
@@ -203,6 +202,7 @@ pub fn query(
     let mut workspace = Workspace::default();
     let mut positions = vec![0.0; 3 * columns];
     let mut features = vec![0.0; networks.features * columns];
+    let mut embeddings = vec![0.0; EMBEDDING * columns];
     let chunks = points.positions.chunks(QUERY_POINTS).zip(points.directions.chunks(QUERY_POINTS));
     for (world, directions) in chunks {
         let single = |v: &[f64; 3]| v.map(|c| c as f32);
@@ -226,7 +226,8 @@ pub fn query(
             weight: 1.0,
         }));
         shader.features.clear();
-        let rows = features.chunks_exact(columns).chain(workspace.embeddings(columns).chunks_exact(columns));
+        networks.embeddings(marcher.simd, workspace.hidden(), columns, &mut embeddings);
+        let rows = features.chunks_exact(columns).chain(embeddings.chunks_exact(columns));
         shader.features.extend(rows.flat_map(|row| &row[..world.len()]));
         shader.forward(marcher.simd, networks, &directions, 1, |_, _| light);
         let width = shader.columns();

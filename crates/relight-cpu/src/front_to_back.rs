@@ -1,7 +1,8 @@
 //! Rays looked along from front to back: a few samples at a time, until nothing behind them would show.
 //!
 //! Where shading is deferred, all that the samples leave behind are sums: features, depth, and how much light still
-//! passes; and the features of the last sample, where the ray gets there. So a ray that has met a surface needs no more samples (early ray termination, Levoy 1990).
+//! passes; and the features of the last sample, where the ray gets there. Of the geometry network's last layer a sample needs its density
+//! alone: embeddings are linear, so what they are made of is summed, and multiplied once a ray. So a ray that has met a surface needs no more samples (early ray termination, Levoy 1990).
 
 use std::ops::Range;
 
@@ -9,32 +10,37 @@ use fearless_simd::{Level, Simd, dispatch};
 use relight_field::engine::Rays;
 
 use crate::deferred::NEGLIGIBLE;
-use crate::dense::COLUMN_ALIGN;
+use crate::dense::{COLUMN_ALIGN, padded};
 use crate::exponential::exponentials;
 use crate::hash_grid::{TiledPositions, set_position};
 use crate::march::along;
+use crate::networks::Networks;
 use crate::samples::{Marcher, SampleBatch};
 use crate::tile::Workspace;
 
 /// Samples of a ray that are evaluated together.
 const TOGETHER: usize = 4;
 /// Rays whose samples make a tile: whole vectors of rays.
-const TILE_RAYS: usize = 48;
+pub const TILE_RAYS: usize = 48;
 const _: () = assert!(TILE_RAYS.is_multiple_of(COLUMN_ALIGN));
 
 /// What a block of rays has met so far; memory that is reused from block to block.
 #[derive(Default)]
 pub struct FrontToBack {
-    /// `[point_features][rays]`: sum of `h` and `e` inside the box, each times the weight of its sample.
-    pub features: Vec<f32>,
     /// The rays that get to their last sample, ascending.
     pub faces: Vec<usize>,
-    /// `[faces][point_features]`: `h` and `e` there.
-    pub face_features: Vec<f32>,
     /// `[rays]`: sum of the distances of samples inside the box, each times its weight, metres.
     pub depths: Vec<f32>,
     /// `[rays]`: light that passes all samples but the last, so far; none where a ray has met its end.
     pub transmittance: Vec<f32>,
+    /// `[features + hidden][padded rays]`: sums of `h` and of what `e` is made of, each times the weight of its sample.
+    sums: Vec<f32>,
+    /// `[faces][features + hidden]`: the same at the faces.
+    of_faces: Vec<f32>,
+    /// `[point_features][padded rays]`: sums of `h` and `e`.
+    features: Vec<f32>,
+    /// `[point_features][padded faces]`: `h` and `e` at the faces.
+    face_features: Vec<f32>,
     /// Rays that are not at their end.
     going: Vec<usize>,
     /// `[tile][3][columns]`: positions of the samples at hand.
@@ -48,9 +54,9 @@ pub struct FrontToBack {
 impl FrontToBack {
     /// Looks along all rays at the samples that `batch` has placed.
     pub fn look(&mut self, marcher: &Marcher<'_>, rays: &Rays, batch: &SampleBatch) {
-        let (n, outputs) = (rays.origins.len(), marcher.networks.point_features());
+        let n = rays.origins.len();
         let fresh = [
-            (&mut self.features, outputs * n, 0.0),
+            (&mut self.sums, rows(marcher.networks) * padded(n), 0.0),
             (&mut self.depths, n, 0.0),
             (&mut self.transmittance, n, 1.0),
         ];
@@ -59,7 +65,7 @@ impl FrontToBack {
             numbers.resize(length, value);
         }
         self.faces.clear();
-        self.face_features.clear();
+        self.of_faces.clear();
         self.going.clear();
         self.going.extend(0..n);
         for first in (0..batch.samples).step_by(TOGETHER) {
@@ -68,6 +74,21 @@ impl FrontToBack {
             self.accumulate(marcher, n, batch, samples);
             self.going.retain(|&ray| self.transmittance[ray] > 0.0);
         }
+        let (rows, wide) = (rows(marcher.networks), padded(self.faces.len()));
+        let mut by_row = vec![0.0; rows * wide];
+        for (face, numbers) in self.of_faces.chunks_exact(rows).enumerate() {
+            by_row[face..].iter_mut().step_by(wide).zip(numbers).for_each(|(to, &number)| *to = number);
+        }
+        embed(marcher, &self.sums, padded(n), &mut self.features);
+        embed(marcher, &by_row, wide, &mut self.face_features);
+    }
+
+    /// For `h` and then `e`, number by number: its sum over each ray, inside the box and times the weights of samples, and what it
+    /// is at each face.
+    pub fn feature_rows(&self) -> impl Iterator<Item = (&[f32], &[f32])> {
+        let [rays, faces] = [self.transmittance.len(), self.faces.len()].map(|n| padded(n.max(1)));
+        let of_faces = self.face_features.chunks_exact(faces).chain(std::iter::repeat(&[][..]));
+        self.features.chunks_exact(rays).zip(of_faces)
     }
 
     /// Looks up the features of some samples of all rays that go on. Sample `s` of the tile's ray `r` is column
@@ -129,21 +150,35 @@ impl FrontToBack {
                         self.transmittance[ray] = after;
                     }
                 }
-                let rows = || {
-                    encoded.chunks_exact(columns).chain(workspace.embeddings(columns).chunks_exact(columns))
-                };
+                let rows = || encoded.chunks_exact(columns).chain(workspace.hidden().chunks_exact(columns));
                 if is_last {
                     for (r, &ray) in going.iter().enumerate() {
                         if self.transmittance[ray] > 0.0 {
                             self.faces.push(ray);
-                            self.face_features.extend(rows().map(|row| row[columns - TILE_RAYS + r]));
+                            self.of_faces.extend(rows().map(|row| row[columns - TILE_RAYS + r]));
                         }
                     }
                 }
-                add_up(marcher.simd, rows().zip(self.features.chunks_exact_mut(n)), &self.weights, going);
+                let sums = rows().zip(self.sums.chunks_exact_mut(padded(n)));
+                add_up(marcher.simd, sums, &self.weights, going);
             }
         });
     }
+}
+
+/// Numbers of a sample that are summed: `h`, and what `e` is made of.
+fn rows(networks: &Networks) -> usize {
+    networks.features + networks.hidden()
+}
+
+/// From `rows`, `h` and what `e` is made of, to `features`, `h` and `e`: both of `columns` numbers a row.
+fn embed(marcher: &Marcher<'_>, rows: &[f32], columns: usize, features: &mut Vec<f32>) {
+    let (h, hidden) = rows.split_at(marcher.networks.features * columns);
+    features.clear();
+    features.extend_from_slice(h);
+    features.resize(marcher.networks.point_features() * columns, 0.0);
+    let embeddings = &mut features[h.len()..];
+    marcher.networks.embeddings(marcher.simd, hidden, columns, embeddings);
 }
 
 /// Adds the weighted sums over samples of each row of a tile to those of its rays, `going`, in the row beside it.
@@ -153,6 +188,9 @@ fn add_up<'a>(
     weights: &[f32],
     going: &[usize],
 ) {
+    // Most rays go on with those beside them, whose sums are vectors.
+    let (first, last) = (going[0], going[going.len() - 1]);
+    let neighbours = (last - first < going.len()).then(|| first..last + 1);
     dispatch!(simd, simd => simd.vectorize(
         #[inline(always)]
         || {
@@ -164,7 +202,10 @@ fn add_up<'a>(
                         terms[r] += values[r] * weights[r];
                     }
                 }
-                going.iter().zip(terms).for_each(|(&ray, term)| sums[ray] += term);
+                match &neighbours {
+                    Some(rays) => sums[rays.clone()].iter_mut().zip(terms).for_each(|(sum, term)| *sum += term),
+                    None => going.iter().zip(terms).for_each(|(&ray, term)| sums[ray] += term),
+                }
             }
         },
     ));

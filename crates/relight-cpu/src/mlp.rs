@@ -54,6 +54,11 @@ impl Tape {
         self.values.last().map_or(&[], |v| v)
     }
 
+    /// The own inputs of the last layer, `[inputs][columns]`.
+    pub fn hidden(&self) -> &[f32] {
+        self.values.len().checked_sub(2).map_or(&[], |i| &self.values[i])
+    }
+
     /// Gradients with respect to the own inputs of the first layer, `[rows][columns]`, after [`Mlp::backward`].
     pub fn input_gradient(&self) -> &[f32] {
         &self.gradients[0]
@@ -92,6 +97,11 @@ impl Mlp {
         self.layers.first().map_or(0, |l| l.inputs)
     }
 
+    /// Inputs of the last layer.
+    pub fn hidden(&self) -> usize {
+        self.layers.last().map_or(0, |l| l.inputs)
+    }
+
     /// Operations forward.
     pub fn forward_operations(&self, columns: usize, points: usize) -> usize {
         let layers = self.layers.iter().zip(&self.own);
@@ -99,6 +109,12 @@ impl Mlp {
             l.outputs * (own.len() * columns + (l.inputs - own.len()) * points)
         };
         2 * layers.map(one).sum::<usize>()
+    }
+
+    /// Operations of [`Mlp::forward_to_hidden`] without shared inputs, and of one of the last layer's outputs.
+    pub fn density_operations(&self, columns: usize) -> usize {
+        let unwanted = self.layers.last().map_or(0, |l| 2 * (l.outputs - 1) * l.inputs * columns);
+        self.forward_operations(columns, 0) - unwanted
     }
 
     /// Operations backward, with gradients of the inputs `wanted` of the first layer.
@@ -151,8 +167,36 @@ impl Mlp {
 
     /// Runs the network on `values[0]` and `shared`.
     pub fn forward(&self, level: Level, tape: &mut Tape) {
+        self.forward_layers(level, tape, self.layers.len());
+    }
+
+    /// Runs the layers before the last on `values[0]` and `shared`, to [`Tape::hidden`].
+    pub fn forward_to_hidden(&self, level: Level, tape: &mut Tape) {
+        self.forward_layers(level, tape, self.layers.len() - 1);
+    }
+
+    /// The outputs `rows` of the last layer, `[rows][columns]`, of what the layer before gives, `[inputs][columns]`, if it has no
+    /// shared inputs.
+    pub fn output_rows(
+        &self,
+        level: Level,
+        hidden: &[f32],
+        columns: usize,
+        rows: Range<usize>,
+        outputs: &mut [f32],
+    ) {
+        if let (Some(layer), Some(data)) = (self.layers.last(), self.transposed.last()) {
+            let a = Matrix { data, stride: layer.outputs, first: rows.start };
+            let shape = (layer.inputs, rows.len(), columns);
+            multiply(level, a, hidden, outputs, shape, None, Store::Set);
+        }
+    }
+
+    /// Runs the first `layers` layers.
+    fn forward_layers(&self, level: Level, tape: &mut Tape, layers: usize) {
         let (columns, points) = (tape.columns, tape.points);
-        for (i, ((layer, own), a)) in self.layers.iter().zip(&self.own).zip(&self.transposed).enumerate() {
+        let weights = self.own.iter().zip(&self.transposed);
+        for (i, (layer, (own, a))) in self.layers.iter().zip(weights).enumerate().take(layers) {
             let (before, after) = tape.values.split_at_mut(i + 1);
             let (own_a, shared_a) = a.split_at(own.len() * layer.outputs);
             let matrix = |data| Matrix { data, stride: layer.outputs, first: 0 };

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use fearless_simd::Level;
 use rayon::prelude::*;
-use relight_field::architecture::{Architecture, EMBEDDING, EmbeddingEntry, HARMONICS};
+use relight_field::architecture::{Architecture, EMBEDDING, EmbeddingEntry, GEO_OUTPUTS, HARMONICS};
 use relight_field::parameters::Parameters;
 
 use crate::adam::{Adam, Moments};
@@ -90,6 +90,17 @@ impl Networks {
             rgb: vec![0.0; self.rgb.weights()],
             vis: vec![0.0; self.vis.as_ref().map_or(0, Mlp::weights)],
         }
+    }
+
+    /// Numbers that `geo`'s last layer takes.
+    pub fn hidden(&self) -> usize {
+        self.geo.hidden()
+    }
+
+    /// The embeddings `e` from what `geo`'s last layer takes, `[inputs][columns]`: `[15][columns]`. They are linear in it, so a
+    /// sum of embeddings is that of the sum.
+    pub fn embeddings(&self, simd: Level, hidden: &[f32], columns: usize, embeddings: &mut [f32]) {
+        self.geo.output_rows(simd, hidden, columns, 1..GEO_OUTPUTS, embeddings);
     }
 
     /// One optimiser step of all three.

@@ -102,19 +102,20 @@ impl<'a> Probes<'a> {
         marcher.workspaces.with(Workspace::default, |workspace| {
             for tile in 0..shadows.tiles(&rays) {
                 let here = shadows.tile(marcher, &rays, tile);
-                workspace.look(marcher.simd, marcher.networks, &here);
+                workspace.densities(marcher.simd, marcher.networks, here.features, here.columns);
                 for (r, ray) in shadows.range(&rays, tile).enumerate() {
                     let span = r * here.samples..(r + 1) * here.samples;
-                    let passed = here.t[span.clone()].iter().zip(&workspace.optical[span]);
-                    let before_light = passed.filter(|(t, _)| **t < lengths[ray]);
+                    let steps = workspace.density[span.clone()].iter().zip(&here.lengths[span.clone()]);
+                    let before_light = here.t[span].iter().zip(steps).filter(|(t, _)| **t < lengths[ray]);
                     // The last sample is the box's face, which shades nothing.
-                    let optical: f32 = before_light.take(here.samples - 1).map(|(_, o)| o).sum();
+                    let passed = before_light.take(here.samples - 1);
+                    let optical: f32 = passed.map(|(_, (density, length))| density * length).sum();
                     transmittance[shaded[ray]] = (-optical).exp();
                 }
             }
         });
         let columns = shadows.t.len();
-        clock.lap(Stage::ShadowGeometry, marcher.networks.geo.forward_operations(columns, columns));
+        clock.lap(Stage::ShadowGeometry, marcher.networks.geo.density_operations(columns));
         Self { lights, transmittance, shadow }
     }
 

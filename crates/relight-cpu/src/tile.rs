@@ -82,26 +82,38 @@ pub struct Workspace {
 }
 
 impl Workspace {
-    /// Density at every column of `features`, into `density`.
+    /// Density at every column of `features`, into `density`, and nothing else of `geo` but [`Workspace::hidden`].
     pub fn densities(&mut self, simd: Level, networks: &Networks, features: &[f32], columns: usize) {
         networks.geo.prepare(&mut self.geo, columns, columns);
         self.geo.values[0].copy_from_slice(&features[..networks.features * columns]);
-        networks.geo.forward(simd, &mut self.geo);
-        self.density.clear();
-        self.density.extend(self.geo.output()[..columns].iter().map(|l| l.min(LOGIT_LIMIT)));
-        exponentials(simd, &mut self.density);
-        self.density.iter_mut().for_each(|density| *density *= networks.density_scale);
+        networks.geo.forward_to_hidden(simd, &mut self.geo);
+        self.density.resize(columns, 0.0);
+        networks.geo.output_rows(simd, self.geo.hidden(), columns, 0..1, &mut self.density);
+        self.activate(simd, networks);
     }
 
-    /// The embeddings `e` of the columns last given to [`Workspace::densities`]: `[15][columns]`.
-    pub fn embeddings(&self, columns: usize) -> &[f32] {
-        &self.geo.output()[columns..GEO_OUTPUTS * columns]
+    /// What `geo`'s last layer takes at the columns last given to [`Workspace::densities`], `[inputs][columns]`: see
+    /// [`Networks::embeddings`].
+    pub fn hidden(&self) -> &[f32] {
+        self.geo.hidden()
+    }
+
+    /// From logits, in `density`, to densities.
+    fn activate(&mut self, simd: Level, networks: &Networks) {
+        self.density.iter_mut().for_each(|logit| *logit = logit.min(LOGIT_LIMIT));
+        exponentials(simd, &mut self.density);
+        self.density.iter_mut().for_each(|density| *density *= networks.density_scale);
     }
 
     /// Weights of the samples of all rays and where the rays end, into `weights` and `depths`, from densities of the tile's
     /// features.
     pub fn look(&mut self, simd: Level, networks: &Networks, rays: &TileRays<'_>) {
-        self.densities(simd, networks, rays.features, rays.columns);
+        networks.geo.prepare(&mut self.geo, rays.columns, rays.columns);
+        self.geo.values[0].copy_from_slice(&rays.features[..networks.features * rays.columns]);
+        networks.geo.forward(simd, &mut self.geo);
+        self.density.clear();
+        self.density.extend(&self.geo.output()[..rays.columns]);
+        self.activate(simd, networks);
         self.clock.lap(Stage::Geometry, networks.geo.forward_operations(rays.columns, rays.columns));
         self.optical.clear();
         self.optical.extend(self.density.iter().zip(rays.lengths).map(|(d, l)| d * l));
