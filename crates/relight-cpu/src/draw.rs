@@ -226,7 +226,7 @@ pub fn query(
             weight: 1.0,
         }));
         shader.features.clear();
-        networks.embeddings(marcher.simd, workspace.hidden(), columns, &mut embeddings);
+        networks.embeddings(marcher.simd, workspace.hidden_activations(), columns, &mut embeddings);
         let rows = features.chunks_exact(columns).chain(embeddings.chunks_exact(columns));
         shader.features.extend(rows.flat_map(|row| &row[..world.len()]));
         shader.forward(marcher.simd, networks, &directions, 1, |_, _| light);

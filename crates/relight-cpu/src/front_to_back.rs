@@ -1,20 +1,23 @@
 //! Rays looked along from front to back: a few samples at a time, until nothing behind them would show.
 //!
 //! Where shading is deferred, all that the samples leave behind are sums: features, depth, and how much light still
-//! passes; and the features of the last sample, where the ray gets there. Of the geometry network's last layer a sample needs its density
-//! alone: embeddings are linear, so what they are made of is summed, and multiplied once a ray. So a ray that has met a surface needs no more samples (early ray termination, Levoy 1990).
+//! passes; and the features of the last sample, where the ray gets there. So a ray that has met a surface needs no more samples
+//! (early ray termination, Levoy 1990).
+//!
+//! Of the geometry network's last layer a sample needs its density alone. Embeddings are linear in the hidden activations before it, so those are
+//! summed, and multiplied once a ray.
 
 use std::ops::Range;
 
 use fearless_simd::{Level, Simd, dispatch};
 use relight_field::engine::Rays;
 
+use crate::aligned::Aligned;
 use crate::deferred::NEGLIGIBLE;
 use crate::dense::{COLUMN_ALIGN, padded};
 use crate::exponential::exponentials;
 use crate::hash_grid::{TiledPositions, set_position};
 use crate::march::along;
-use crate::networks::Networks;
 use crate::samples::{Marcher, SampleBatch};
 use crate::tile::Workspace;
 
@@ -33,14 +36,17 @@ pub struct FrontToBack {
     pub depths: Vec<f32>,
     /// `[rays]`: light that passes all samples but the last, so far; none where a ray has met its end.
     pub transmittance: Vec<f32>,
-    /// `[features + hidden][padded rays]`: sums of `h` and of what `e` is made of, each times the weight of its sample.
-    sums: Vec<f32>,
-    /// `[faces][features + hidden]`: the same at the faces.
+    /// `[features + hidden_width][padded rays]`: sums of `h` and of `geo`'s last hidden activations, each times the weight of its
+    /// sample.
+    sums: Aligned,
+    /// `[faces][features + hidden_width]`: the same at the faces.
     of_faces: Vec<f32>,
+    /// `[features + hidden_width][padded faces]`: the same again.
+    face_rows: Aligned,
     /// `[point_features][padded rays]`: sums of `h` and `e`.
-    features: Vec<f32>,
+    features: Aligned,
     /// `[point_features][padded faces]`: `h` and `e` at the faces.
-    face_features: Vec<f32>,
+    face_features: Aligned,
     /// Rays that are not at their end.
     going: Vec<usize>,
     /// `[tile][3][columns]`: positions of the samples at hand.
@@ -55,14 +61,12 @@ impl FrontToBack {
     /// Looks along all rays at the samples that `batch` has placed.
     pub fn look(&mut self, marcher: &Marcher<'_>, rays: &Rays, batch: &SampleBatch) {
         let n = rays.origins.len();
-        let fresh = [
-            (&mut self.sums, rows(marcher.networks) * padded(n), 0.0),
-            (&mut self.depths, n, 0.0),
-            (&mut self.transmittance, n, 1.0),
-        ];
-        for (numbers, length, value) in fresh {
+        let rows = marcher.networks.features + marcher.networks.hidden_width();
+        self.sums.resize(rows * padded(n));
+        self.sums.fill(0.0);
+        for (numbers, value) in [(&mut self.depths, 0.0), (&mut self.transmittance, 1.0)] {
             numbers.clear();
-            numbers.resize(length, value);
+            numbers.resize(n, value);
         }
         self.faces.clear();
         self.of_faces.clear();
@@ -74,13 +78,15 @@ impl FrontToBack {
             self.accumulate(marcher, n, batch, samples);
             self.going.retain(|&ray| self.transmittance[ray] > 0.0);
         }
-        let (rows, wide) = (rows(marcher.networks), padded(self.faces.len()));
-        let mut by_row = vec![0.0; rows * wide];
+        let wide = padded(self.faces.len());
+        self.face_rows.resize(rows * wide);
+        self.face_rows.fill(0.0);
         for (face, numbers) in self.of_faces.chunks_exact(rows).enumerate() {
-            by_row[face..].iter_mut().step_by(wide).zip(numbers).for_each(|(to, &number)| *to = number);
+            let places = self.face_rows[face..].iter_mut().step_by(wide);
+            places.zip(numbers).for_each(|(place, &number)| *place = number);
         }
         embed(marcher, &self.sums, padded(n), &mut self.features);
-        embed(marcher, &by_row, wide, &mut self.face_features);
+        embed(marcher, &self.face_rows, wide, &mut self.face_features);
     }
 
     /// For `h` and then `e`, number by number: its sum over each ray, inside the box and times the weights of samples, and what it
@@ -150,7 +156,9 @@ impl FrontToBack {
                         self.transmittance[ray] = after;
                     }
                 }
-                let rows = || encoded.chunks_exact(columns).chain(workspace.hidden().chunks_exact(columns));
+                let rows = || {
+                    encoded.chunks_exact(columns).chain(workspace.hidden_activations().chunks_exact(columns))
+                };
                 if is_last {
                     for (r, &ray) in going.iter().enumerate() {
                         if self.transmittance[ray] > 0.0 {
@@ -166,18 +174,12 @@ impl FrontToBack {
     }
 }
 
-/// Numbers of a sample that are summed: `h`, and what `e` is made of.
-fn rows(networks: &Networks) -> usize {
-    networks.features + networks.hidden()
-}
-
-/// From `rows`, `h` and what `e` is made of, to `features`, `h` and `e`: both of `columns` numbers a row.
-fn embed(marcher: &Marcher<'_>, rows: &[f32], columns: usize, features: &mut Vec<f32>) {
+/// From `rows`, `h` and `geo`'s last hidden activations, to `features`, `h` and `e`: both of `columns` numbers a row.
+fn embed(marcher: &Marcher<'_>, rows: &[f32], columns: usize, features: &mut Aligned) {
     let (h, hidden) = rows.split_at(marcher.networks.features * columns);
-    features.clear();
-    features.extend_from_slice(h);
-    features.resize(marcher.networks.point_features() * columns, 0.0);
-    let embeddings = &mut features[h.len()..];
+    features.resize(marcher.networks.point_features() * columns);
+    let (first, embeddings) = features.split_at_mut(h.len());
+    first.copy_from_slice(h);
     marcher.networks.embeddings(marcher.simd, hidden, columns, embeddings);
 }
 

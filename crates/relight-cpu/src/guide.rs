@@ -155,8 +155,8 @@ impl Guide<'_> {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use crate::march::along;
     use crate::march::tests::{BOUNDS, assert_ascends, assert_tiles, direction, origin};
+    use crate::walk::tests::{aimed, grid_of, step_by_step};
     use proptest::prelude::*;
     use relight_field::random::Random;
     use relight_scene::Bounds;
@@ -178,11 +178,9 @@ pub(crate) mod tests {
         ray: ([f32; 3], [f32; 3]),
         span: (f32, f32),
     ) -> bool {
-        let (step, o) = (grid.cell_size(), cube.map(ray.0));
-        let d = cube.map_direction(ray.1);
-        let bins = ((span.1 - span.0) / step).ceil() as usize;
-        let place = |b: usize| along(o, d, span.0 + (b as f32 + 0.5) * step);
-        (0..bins).map(|b| grid.optical_depth(grid.cell(place(b)))).sum::<f32>() <= SHADING
+        let steps = ((span.1 - span.0) / grid.cell_size()).ceil() as usize;
+        let ray = (cube.map(ray.0), cube.map_direction(ray.1));
+        step_by_step(grid, ray, (span.0, grid.cell_size(), steps)).sum::<f32>() <= SHADING
     }
 
     /// [`Guide::guided`], with every step an entry of the distribution, and the middle of each part drawn.
@@ -197,8 +195,7 @@ pub(crate) mod tests {
         let d = cube.map_direction(direction);
         let bins = (((far - near) / step).ceil() as usize).max(1);
         let (mut weight, mut limited, mut depth) = (vec![0f32; bins + 2], 1.0, 0f32);
-        for b in 0..bins {
-            let optical = grid.optical_depth(grid.cell(along(o, d, near + (b as f32 + 0.5) * step)));
+        for (b, optical) in step_by_step(grid, (o, d), (near, step, bins)).enumerate() {
             let alpha = (1.0 - (-optical).exp()).min(OPACITY_LIMIT);
             depth += optical;
             weight[b + 1] = limited * alpha;
@@ -240,13 +237,10 @@ pub(crate) mod tests {
 
         #[test]
         fn empty_bricks_are_stepped_over_and_no_others(
-            origin in origin(), direction in direction(),
-            occupied in proptest::collection::vec(0usize..64 * 64 * 64, 0..40), density in 0.1f32..10.0,
+            (cells, ray) in aimed(), density in 0.5f32..20.0,
         ) {
-            let cube = UnitCube::new(&BOUNDS);
-            let grid = DensityGrid::uniform(&BOUNDS, 64, 0.0);
-            occupied.iter().for_each(|&cell| grid.observe(cell, density));
-            let (ray, span) = ((origin, direction), cube.clip(origin, direction));
+            let (cube, grid) = (UnitCube::new(&BOUNDS), grid_of(&cells, density));
+            let span = cube.clip(ray.0, ray.1);
             let plain = is_clear_cell_by_cell(&grid, &cube, ray, span);
             prop_assert_eq!(guide(&grid, &cube).is_clear(ray, span), plain);
         }

@@ -55,7 +55,7 @@ impl Tape {
     }
 
     /// The own inputs of the last layer, `[inputs][columns]`.
-    pub fn hidden(&self) -> &[f32] {
+    pub fn hidden_activations(&self) -> &[f32] {
         self.values.len().checked_sub(2).map_or(&[], |i| &self.values[i])
     }
 
@@ -98,7 +98,7 @@ impl Mlp {
     }
 
     /// Inputs of the last layer.
-    pub fn hidden(&self) -> usize {
+    pub fn hidden_width(&self) -> usize {
         self.layers.last().map_or(0, |l| l.inputs)
     }
 
@@ -170,7 +170,7 @@ impl Mlp {
         self.forward_layers(level, tape, self.layers.len());
     }
 
-    /// Runs the layers before the last on `values[0]` and `shared`, to [`Tape::hidden`].
+    /// Runs the layers before the last on `values[0]` and `shared`, to [`Tape::hidden_activations`].
     pub fn forward_to_hidden(&self, level: Level, tape: &mut Tape) {
         self.forward_layers(level, tape, self.layers.len() - 1);
     }

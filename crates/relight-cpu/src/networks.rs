@@ -93,11 +93,11 @@ impl Networks {
     }
 
     /// Numbers that `geo`'s last layer takes.
-    pub fn hidden(&self) -> usize {
-        self.geo.hidden()
+    pub fn hidden_width(&self) -> usize {
+        self.geo.hidden_width()
     }
 
-    /// The embeddings `e` from what `geo`'s last layer takes, `[inputs][columns]`: `[15][columns]`. They are linear in it, so a
+    /// The embeddings `e` from `geo`'s last hidden activations, `[hidden_width][columns]`: `[15][columns]`. They are linear in those, so a
     /// sum of embeddings is that of the sum.
     pub fn embeddings(&self, simd: Level, hidden: &[f32], columns: usize, embeddings: &mut [f32]) {
         self.geo.output_rows(simd, hidden, columns, 1..GEO_OUTPUTS, embeddings);

@@ -64,7 +64,7 @@ pub struct Workspace {
     pub clock: Clock,
     geo: Tape,
     /// `[columns]`: density times interval length.
-    pub optical: Vec<f32>,
+    optical: Vec<f32>,
     /// `[columns]`: density, per metre.
     pub density: Vec<f32>,
     /// `[columns]`: what each sample counts in its ray.
@@ -82,20 +82,25 @@ pub struct Workspace {
 }
 
 impl Workspace {
-    /// Density at every column of `features`, into `density`, and nothing else of `geo` but [`Workspace::hidden`].
+    /// Density at every column of `features`, into `density`, and nothing else of `geo` but [`Workspace::hidden_activations`].
     pub fn densities(&mut self, simd: Level, networks: &Networks, features: &[f32], columns: usize) {
-        networks.geo.prepare(&mut self.geo, columns, columns);
-        self.geo.values[0].copy_from_slice(&features[..networks.features * columns]);
+        self.take(networks, features, columns);
         networks.geo.forward_to_hidden(simd, &mut self.geo);
         self.density.resize(columns, 0.0);
-        networks.geo.output_rows(simd, self.geo.hidden(), columns, 0..1, &mut self.density);
+        networks.geo.output_rows(simd, self.geo.hidden_activations(), columns, 0..1, &mut self.density);
         self.activate(simd, networks);
     }
 
-    /// What `geo`'s last layer takes at the columns last given to [`Workspace::densities`], `[inputs][columns]`: see
-    /// [`Networks::embeddings`].
-    pub fn hidden(&self) -> &[f32] {
-        self.geo.hidden()
+    /// The last hidden activations of `geo` at the columns last given to [`Workspace::densities`], `[hidden_width][columns]`, of which
+    /// [`Networks::embeddings`] are made.
+    pub fn hidden_activations(&self) -> &[f32] {
+        self.geo.hidden_activations()
+    }
+
+    /// Makes `features` the input of `geo`.
+    fn take(&mut self, networks: &Networks, features: &[f32], columns: usize) {
+        networks.geo.prepare(&mut self.geo, columns, columns);
+        self.geo.values[0].copy_from_slice(&features[..networks.features * columns]);
     }
 
     /// From logits, in `density`, to densities.
@@ -108,8 +113,7 @@ impl Workspace {
     /// Weights of the samples of all rays and where the rays end, into `weights` and `depths`, from densities of the tile's
     /// features.
     pub fn look(&mut self, simd: Level, networks: &Networks, rays: &TileRays<'_>) {
-        networks.geo.prepare(&mut self.geo, rays.columns, rays.columns);
-        self.geo.values[0].copy_from_slice(&rays.features[..networks.features * rays.columns]);
+        self.take(networks, rays.features, rays.columns);
         networks.geo.forward(simd, &mut self.geo);
         self.density.clear();
         self.density.extend(&self.geo.output()[..rays.columns]);
