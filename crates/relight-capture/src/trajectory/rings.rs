@@ -30,7 +30,8 @@ pub(super) fn of_sphere(cells: usize) -> Vec<usize> {
 /// in which [`elongation`] has the least sum over the cells.
 ///
 /// `bounds[c]` is the colatitude above which `c` of the cells fit, `side` that of a square of a cell's area, radians. Rings
-/// less than half or more than twice as high as that are not tried: two of them joined, or one halved, do better.
+/// less than a third or more than three times as high as that are not tried: two of them joined, or one halved, do better. (Of few
+/// cells the first may be a little less than half as high.)
 pub(super) fn squarest(bounds: &[f64], side: f64, first: usize, last: usize) -> Vec<usize> {
     // The shortest path over the numbers of cells above a bound.
     let mut least = vec![f64::INFINITY; last + 1];
@@ -41,8 +42,8 @@ pub(super) fn squarest(bounds: &[f64], side: f64, first: usize, last: usize) -> 
             continue;
         }
         let within = |height: f64| bounds[..=last].partition_point(|bound| bound - bounds[above] <= height);
-        let lowest = within(side / 2.0).clamp(above + 1, last);
-        let highest = (within(2.0 * side) - 1).max(lowest);
+        let lowest = within(side / 3.0).clamp(above + 1, last);
+        let highest = (within(3.0 * side) - 1).max(lowest);
         for end in lowest..=highest {
             let count = end - above;
             let sum = least[above] + count as f64 * elongation(bounds[end] - bounds[above], side);

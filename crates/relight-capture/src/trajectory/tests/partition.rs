@@ -72,6 +72,13 @@ fn few_cells_part_the_sphere_too() {
     assert_eq!(parted(&Region::SPHERE, 2).cells[1].centre()[0], PI);
 }
 
+/// The first ring is 0.496 times as high as a square of its area.
+#[test]
+fn a_ring_less_than_half_as_high_as_a_square_may_be_best() {
+    let region = Region::new([0.122343297567043, 2.0445475276375396], [0.0, TAU]).unwrap();
+    assert_eq!(parted(&region, 5).rings, [1, 4]);
+}
+
 /// Exactly N cells of one area, which cover the region without overlap, their centres inside, none degenerate.
 fn check(region: &Region, cells: usize) {
     let Partition { rings, cells: parts } = parted(region, cells);
