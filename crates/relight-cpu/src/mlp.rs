@@ -172,7 +172,7 @@ impl Mlp {
 
     /// Runs the layers before the last on `values[0]` and `shared`, to [`Tape::hidden_activations`].
     pub fn forward_to_hidden(&self, level: Level, tape: &mut Tape) {
-        self.forward_layers(level, tape, self.layers.len() - 1);
+        self.forward_layers(level, tape, self.layers.len().saturating_sub(1));
     }
 
     /// The outputs `rows` of the last layer, `[rows][columns]`, of what the layer before gives, `[inputs][columns]`, if it has no

@@ -15,13 +15,17 @@ pub struct Walk<'a, S: Simd> {
     direction: f32x4<S>,
     /// Distances from one face of a brick to the opposite one, metres; a huge number for faces that the ray runs along.
     crossing: f32x4<S>,
-    /// The share of its brick that lies before the ray is this and
+    /// Of a brick, the share that the ray has before it is `offset + sign * (share at lower coordinates)`: 1 where it goes to
+    /// higher ones, else 0.
     offset: f32x4<S>,
-    /// this times the share that lies at lower coordinates: that itself, or the rest.
+    /// -1 where the ray goes to higher coordinates, else 1.
     sign: f32x4<S>,
+    /// Where the first step begins, metres.
     near: f32,
+    /// Length of a step, metres, and its inverse.
     step: f32,
     steps_a_metre: f32,
+    /// The step that is looked at next, of all steps.
     next: usize,
     steps: usize,
 }
@@ -69,7 +73,7 @@ impl<S: Simd> Iterator for Walk<'_, S> {
         while self.next < self.steps {
             let at = self.near + (self.next as f32 + 0.5) * self.step;
             let place = self.direction.mul_add(f32x4::splat(simd, at), self.origin);
-            // In or next to the box, so that numbers are whole ones of 32 bits.
+            // Only a ray that misses the box may be beyond what 32 bits hold, and to that any cell will do.
             let cell = place.to_int::<i32x4<S>>();
             let cell = cell.max(i32x4::splat(simd, 0)).min(i32x4::splat(simd, last));
             let [x, y, z, _]: [i32; 4] = cell.into();
