@@ -4,7 +4,7 @@
     python3 -m venv venv && venv/bin/pip install torch numpy safetensors
     venv/bin/python tools/golden_field.py crates/relight-field/tests/golden
 
-Writes field.json (encodings, field values, losses and probes of all gradients of V0 to V5), adam.json, and
+Writes field.json (encodings, field values, losses and probes of all gradients of V0 to V5), adam.json, soap.json, and
 v5.safetensors (a weights file). Weights are not stored in field.json: both sides draw them from the same generator.
 """
 
@@ -310,11 +310,49 @@ def golden_adam():
     return {"start": start, "gradients": gradients, "end": [v.tolist() for v in entries]}
 
 
+def golden_soap():
+    """One layer that SOAP (Vyas et al. 2024, algorithm 3) updates, with bases by torch's QR; their signs cancel."""
+    outputs, inputs, layer, updates = 5, 7, 1, 130
+    memory, period, floor, epsilon, rate, betas = 0.95, 40, 1e-4, 1e-5, 0.01, (0.9, 0.999)
+
+    def gradient(count):
+        u = torch.tensor(uniform(SEED, 1000 + count, 3 + outputs * inputs).astype(float))
+        total = 0.01 * (u[3:].reshape(outputs, inputs) - 0.5)
+        for d in range(3):
+            rows = torch.sin((d + 1.3) * (torch.arange(outputs) + 0.7))
+            columns = torch.sin((d + 2.1) * (torch.arange(inputs) + 0.4))
+            total = total + 10.0**-d * (u[d] - 0.4) * rows[:, None] * columns[None, :]
+        return total
+
+    start = torch.tensor(uniform(SEED, 999, outputs * inputs).astype(float)).reshape(outputs, inputs) - 0.5
+    weight, first, second = start.clone(), torch.zeros_like(start), torch.zeros_like(start)
+    sides = [[torch.zeros(n, n), torch.eye(n)] for n in (outputs, inputs)]
+    for count in range(1, updates + 1):
+        g = gradient(count)
+        sides[0][0] = memory * sides[0][0] + g @ g.T
+        sides[1][0] = memory * sides[1][0] + g.T @ g
+        left, right = sides[0][1], sides[1][1]  # eigenvectors in columns
+        turned = left.T @ g @ right
+        first = betas[0] * first + (1 - betas[0]) * (left.T @ g @ right)
+        second = betas[1] * second + (1 - betas[1]) * turned**2
+        root = (second / (1 - betas[1] ** count)).sqrt()
+        step = first / (1 - betas[0] ** count) / (root + epsilon * (root**2).mean().sqrt())
+        weight = weight - rate * left @ step @ right.T
+        if (count + layer) % period == 0:
+            world = left @ first @ right.T
+            for side in sides:
+                shifted = side[0] + floor * side[0].diagonal().mean() * torch.eye(len(side[0]))
+                side[1] = torch.linalg.qr(shifted @ side[1])[0]
+            first = sides[0][1].T @ world @ sides[1][1]
+    return {"seed": SEED, "layer": layer, "updates": updates, "start": start.tolist(), "end": weight.tolist()}
+
+
 def main():
     out = Path(sys.argv[1])
     out.mkdir(parents=True, exist_ok=True)
     (out / "field.json").write_text(json.dumps(golden_field()) + "\n")
     (out / "adam.json").write_text(json.dumps(golden_adam()) + "\n")
+    (out / "soap.json").write_text(json.dumps(golden_soap()) + "\n")
     metadata = {
         "format": "relight-1", "model": "v5", "bounds": json.dumps(BOUNDS), "density_scale": json.dumps(DENSITY_SCALE),
         "grid": json.dumps(GRID | {"resolutions": resolutions()}),

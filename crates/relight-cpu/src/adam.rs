@@ -2,6 +2,8 @@
 
 use fearless_simd::{Level, Simd, dispatch};
 
+use crate::soap::Soap;
+
 /// Decay of the first moment.
 pub const BETA1: f32 = 0.9;
 /// Keeps the division finite; torch-ngp's value.
@@ -31,11 +33,17 @@ impl Adam {
         self.corrections.get(n as usize - 1).copied().unwrap_or((1.0, 1.0))
     }
 
+    /// Takes the gradient of one weight into its moments.
+    #[inline(always)]
+    pub fn gather(&self, [m, v]: [&mut f32; 2], g: f32) {
+        *m = BETA1 * *m + (1.0 - BETA1) * g;
+        *v = self.beta2 * *v + (1.0 - self.beta2) * g * g;
+    }
+
     /// One update of one weight, with the corrections of its count of updates.
     #[inline(always)]
     pub fn update(&self, weight: &mut f32, [m, v]: [&mut f32; 2], g: f32, rate: f32, (c1, c2): (f32, f32)) {
-        *m = BETA1 * *m + (1.0 - BETA1) * g;
-        *v = self.beta2 * *v + (1.0 - self.beta2) * g * g;
+        self.gather([&mut *m, &mut *v], g);
         *weight -= rate * (*m * c1) / ((*v * c2).sqrt() + EPSILON);
     }
 }
@@ -44,7 +52,7 @@ impl Adam {
 pub const UPDATE_OPERATIONS: usize = 15;
 
 /// Moments of a network's weights.
-#[derive(Clone, Default)]
+#[derive(Default)]
 pub struct Moments {
     /// First moments.
     pub m: Vec<f32>,
@@ -52,12 +60,14 @@ pub struct Moments {
     pub v: Vec<f32>,
     /// Updates so far.
     pub updates: u32,
+    /// The bases of every layer, in which its moments are then; none under plain Adam.
+    pub bases: Vec<Soap>,
 }
 
 impl Moments {
     /// Zero moments of `n` weights.
-    pub fn new(n: usize) -> Self {
-        Self { m: vec![0.0; n], v: vec![0.0; n], updates: 0 }
+    pub fn new(n: usize, bases: Vec<Soap>) -> Self {
+        Self { m: vec![0.0; n], v: vec![0.0; n], updates: 0, bases }
     }
 
     /// One update of all weights, which lie in one array after another; `gradient` is that of all of them.
@@ -72,11 +82,16 @@ impl Moments {
         self.updates = self.updates.saturating_add(1);
         let c = adam.corrections(self.updates);
         let (mut m, mut v) = (&mut self.m[..], &mut self.v[..]);
-        for weights in weights {
+        for (layer, weights) in (0..).zip(weights) {
             let (g, rest_g) = gradient.split_at(weights.len());
             let (here_m, rest_m) = m.split_at_mut(weights.len());
             let (here_v, rest_v) = v.split_at_mut(weights.len());
             (gradient, m, v) = (rest_g, rest_m, rest_v);
+            if let Some(soap) = self.bases.get_mut(layer) {
+                let at = (layer as u32, self.updates);
+                soap.step(simd, weights, g, [here_m, here_v], at, rate, adam);
+                continue;
+            }
             dispatch!(simd, simd => simd.vectorize(
                 #[inline(always)]
                 || {
@@ -106,7 +121,7 @@ mod tests {
         const WEIGHTS: usize = 75;
         let (random, rate, adam) = (Random::new(1, 0), 0.01, Adam::new(beta2));
         let mut weights: Vec<f32> = (0..WEIGHTS as u64).map(|i| random.uniform_at(i) - 0.5).collect();
-        let mut moments = Moments::new(WEIGHTS);
+        let mut moments = Moments::new(WEIGHTS, Vec::new());
         let mut plain: Vec<[f64; 3]> = weights.iter().map(|&w| [f64::from(w), 0.0, 0.0]).collect();
         for step in 1..=30 {
             // Magnitudes from 1e-9 to 1e3: Adam's step depends on none of them.

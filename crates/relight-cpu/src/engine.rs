@@ -79,7 +79,7 @@ impl CpuEngine {
             simd: Level::new(),
             cube: UnitCube::new(&field.bounds),
             grid: HashGrid::new(&field.grid, &parameters.table),
-            moments: gradients.parts().map(|g| Moments::new(g.len())),
+            moments: networks.moments(config.optimiser),
             networks,
             adam: Adam::new(config.beta2),
             density: DensityGrid::uniform(&field.bounds, DENSITY_RESOLUTION, field.density_scale),

@@ -92,6 +92,11 @@ impl Mlp {
         self.layers.iter_mut().map(|l| &mut l.weight[..])
     }
 
+    /// Outputs and inputs of every layer.
+    pub fn shapes(&self) -> impl Iterator<Item = (usize, usize)> {
+        self.layers.iter().map(|l| (l.outputs, l.inputs))
+    }
+
     /// Inputs of the first layer.
     pub fn inputs(&self) -> usize {
         self.layers.first().map_or(0, |l| l.inputs)

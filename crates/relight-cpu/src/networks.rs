@@ -5,10 +5,12 @@ use std::ops::Range;
 use fearless_simd::Level;
 use rayon::prelude::*;
 use relight_field::architecture::{Architecture, EMBEDDING, EmbeddingEntry, GEO_OUTPUTS, HARMONICS};
+use relight_field::optimiser::Optimiser;
 use relight_field::parameters::Parameters;
 
 use crate::adam::{Adam, Moments};
 use crate::mlp::Mlp;
+use crate::soap::Soap;
 
 /// Weights whose gradients one thread sums.
 const SUMMED_TOGETHER: usize = 2048;
@@ -92,6 +94,18 @@ impl Networks {
         }
     }
 
+    /// The moments of all three before the first step.
+    pub fn moments(&self, optimiser: Optimiser) -> [Moments; 3] {
+        [Some(&self.geo), Some(&self.rgb), self.vis.as_ref()].map(|network| {
+            let layers = network.into_iter().flat_map(Mlp::shapes);
+            let bases = match optimiser {
+                Optimiser::Adam => Vec::new(),
+                Optimiser::Soap => layers.map(|(outputs, inputs)| Soap::new(outputs, inputs)).collect(),
+            };
+            Moments::new(network.map_or(0, Mlp::weights), bases)
+        })
+    }
+
     /// Numbers that `geo`'s last layer takes.
     pub fn hidden_width(&self) -> usize {
         self.geo.hidden_width()
@@ -113,12 +127,13 @@ impl Networks {
         adam: &Adam,
     ) {
         let networks = [Some(&mut self.geo), Some(&mut self.rgb), self.vis.as_mut()];
-        for ((network, gradient), moments) in networks.into_iter().zip(gradients.parts()).zip(moments) {
+        let parts = networks.into_par_iter().zip(gradients.parts()).zip(moments).with_max_len(1);
+        parts.for_each(|((network, gradient), moments)| {
             if let Some(network) = network {
                 moments.step(simd, network.weights_mut(), gradient, rate, adam);
                 network.refresh();
             }
-        }
+        });
     }
 
     /// Shared inputs of the colour network's first layer: those of `zeta(d)`, then those of `h(x)` where it has them; any

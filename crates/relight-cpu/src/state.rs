@@ -1,4 +1,4 @@
-//! What a checkpoint holds beside the weights: the optimiser's moments, the density grid and what is known
+//! What a checkpoint holds beside the weights: the optimiser's moments and bases, the density grid and what is known
 //! of probes.
 
 use relight_field::engine::{EngineError, EngineState, StateTensor};
@@ -7,6 +7,7 @@ use crate::adam::Moments;
 use crate::density_grid::DensityGrid;
 use crate::experience::{Experience, Fading};
 use crate::hash_grid::HashGrid;
+use crate::soap::ARRAYS;
 
 /// Names of the networks, in the order of their moments.
 const NETWORKS: [&str; 3] = ["geo", "rgb", "vis"];
@@ -27,6 +28,11 @@ pub fn save(
         state.insert(format!("adam.{name}.m"), StateTensor::F32(moments.m.clone()));
         state.insert(format!("adam.{name}.v"), StateTensor::F32(moments.v.clone()));
         state.insert(format!("adam.{name}.updates"), StateTensor::U32(vec![moments.updates]));
+        for (layer, soap) in moments.bases.iter().enumerate() {
+            for (part, numbers) in ARRAYS.into_iter().zip(soap.arrays()) {
+                state.insert(format!("soap.{name}.{layer}.{part}"), StateTensor::F32(numbers));
+            }
+        }
     }
     let Experience { shadow, imagined, field, least } = experience;
     let means = [shadow, imagined, field].into_iter().flat_map(|mean| [mean.sum, mean.count]);
@@ -61,18 +67,27 @@ pub fn load(
     if !grid.set_moments(f32s("adam.grid.m")?, f32s("adam.grid.v")?, u32s("adam.grid.updates")?) {
         return Err(missing("adam.grid"));
     }
-    for (moments, name) in moments.iter_mut().zip(NETWORKS) {
+    for (moments, network) in moments.iter_mut().zip(NETWORKS) {
         for (mine, part) in [(&mut moments.m, "m"), (&mut moments.v, "v")] {
-            let name = format!("adam.{name}.{part}");
+            let name = format!("adam.{network}.{part}");
             let numbers = f32s(&name)?;
             if numbers.len() != mine.len() {
                 return Err(missing(&name));
             }
             mine.copy_from_slice(numbers);
         }
-        let name = format!("adam.{name}.updates");
+        let name = format!("adam.{network}.updates");
         let [updates] = u32s(&name)?[..] else { return Err(missing(&name)) };
         moments.updates = updates;
+        for (layer, soap) in moments.bases.iter_mut().enumerate() {
+            let mut arrays = [&[][..]; ARRAYS.len()];
+            for (array, part) in arrays.iter_mut().zip(ARRAYS) {
+                *array = f32s(&format!("soap.{network}.{layer}.{part}"))?;
+            }
+            if !soap.set_arrays(arrays) {
+                return Err(missing(&format!("soap.{network}.{layer}")));
+            }
+        }
     }
     let (means, &[least]) = f32s("probes")?.as_chunks() else { return Err(missing("probes")) };
     let &[shadow, imagined, field] = means else { return Err(missing("probes")) };

@@ -5,6 +5,7 @@ pub mod compositing;
 pub mod encoding;
 pub mod engine;
 pub mod network;
+pub mod optimiser;
 pub mod parameters;
 pub mod real;
 pub mod reference;

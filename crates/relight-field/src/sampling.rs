@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::engine::EngineError;
+use crate::optimiser::Optimiser;
 
 /// How samples are placed along a ray.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -63,6 +64,8 @@ pub struct EngineConfig {
     pub sampling: Sampling,
     /// Where colour is decoded.
     pub shading: Shading,
+    /// How networks follow their gradients.
+    pub optimiser: Optimiser,
     /// Adam's `beta2`, the decay of its second moments (Kingma and Ba 2015): above 0, at most [`LARGEST_BETA2`].
     pub beta2: f64,
     /// With the step's number, decides every random draw.

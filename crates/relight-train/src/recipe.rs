@@ -3,6 +3,7 @@
 use std::str::FromStr;
 
 use relight_field::engine::StepSettings;
+use relight_field::optimiser::Optimiser;
 use relight_field::parameters::GridConfig;
 use relight_field::sampling::{LARGEST_BETA2, Sampling, Shading};
 use relight_scene::Bounds;
@@ -98,6 +99,9 @@ pub struct Recipe {
     /// Samples whose gradients are shorter than this many times the mean are left out at random when gradients go back
     /// to the grid, while those that stay count more; 0 leaves none out.
     pub roulette: f64,
+    /// How networks follow their gradients; the hash table always has Adam. Recipes without a word of it have Adam.
+    #[serde(default)]
+    pub optimiser: Optimiser,
     /// Adam's decay of second moments: above 0, at most 0.999.
     pub beta2: f64,
     /// Adam's learning rate.
@@ -139,6 +143,7 @@ impl Recipe {
             sampling: Sampling::Stratified { coarse: 128, fine: 128 },
             shading: Shading::PerSample,
             roulette: 0.0,
+            optimiser: Optimiser::Adam,
             beta2: 0.999,
             learning_rate: Schedule::Constant(1e-2),
             depth_weight: Schedule::Constant(0.0),
@@ -169,6 +174,7 @@ impl Recipe {
             sampling: Sampling::Guided { samples: 16 },
             shading: Shading::Deferred,
             roulette: 1.5,
+            optimiser: Optimiser::Soap,
             beta2: 0.999,
             learning_rate: Schedule::Linear { from: 1e-2, to: 1e-4, start: 0.3, end: 1.0 },
             depth_weight: Schedule::Linear { from: 0.1, to: 0.0, start: 0.0, end: 0.25 },

@@ -79,6 +79,7 @@ impl RunConfig {
         EngineConfig {
             sampling: self.recipe.sampling,
             shading: self.recipe.shading,
+            optimiser: self.recipe.optimiser,
             beta2: self.recipe.beta2,
             seed: u64::from(self.seed),
         }

@@ -3,6 +3,7 @@
 use relight_cpu::CpuEngine;
 use relight_field::architecture::{V4, V5};
 use relight_field::engine::*;
+use relight_field::optimiser::Optimiser;
 use relight_field::sampling::{EngineConfig, Sampling, Shading};
 
 use crate::common::*;
@@ -10,6 +11,7 @@ use crate::common::*;
 const CONFIG: EngineConfig = EngineConfig {
     sampling: Sampling::Guided { samples: 4 },
     shading: Shading::Deferred,
+    optimiser: Optimiser::Soap,
     beta2: 0.999,
     seed: 0,
 };

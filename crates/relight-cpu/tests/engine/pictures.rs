@@ -6,6 +6,7 @@ use relight_cpu::samples::{Jitter, SampleBatch};
 use relight_cpu::tile::Workspace;
 use relight_field::architecture::{LightInput, V0, V1, V5};
 use relight_field::engine::*;
+use relight_field::optimiser::Optimiser;
 use relight_field::random::Random;
 use relight_field::reference::{Field, ReferenceEngine, loss_and_gradient};
 use relight_field::sampling::{EngineConfig, NEGLIGIBLE, Sampling, Shading};
@@ -15,7 +16,7 @@ use crate::common::*;
 const SAMPLING: Sampling = Sampling::Stratified { coarse: 9, fine: 6 };
 
 fn config(sampling: Sampling, shading: Shading) -> EngineConfig {
-    EngineConfig { sampling, shading, beta2: 0.999, seed: 3 }
+    EngineConfig { sampling, shading, optimiser: Optimiser::Adam, beta2: 0.999, seed: 3 }
 }
 
 /// Relative difference, of numbers that are not nearly zero.

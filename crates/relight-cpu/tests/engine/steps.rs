@@ -5,6 +5,7 @@ use relight_cpu::CpuEngine;
 use relight_cpu::samples::{Jitter, SampleBatch};
 use relight_field::architecture::V5;
 use relight_field::engine::*;
+use relight_field::optimiser::Optimiser;
 use relight_field::parameters::Parameters;
 use relight_field::random::Random;
 use relight_field::reference::{Field, loss_and_gradient};
@@ -62,7 +63,7 @@ fn three_steps_follow_the_oracles_gradients() {
         // A second pass puts samples so close together that some of them are too light to be shaded.
         let sampling = Sampling::Stratified { coarse: 12, fine: 0 };
         let beta2 = 0.99f64;
-        let config = EngineConfig { sampling, shading, beta2, seed: SEED };
+        let config = EngineConfig { sampling, shading, optimiser: Optimiser::Adam, beta2, seed: SEED };
         let mut engine = CpuEngine::new(&field(architecture), config).unwrap();
         let mut moments: [Vec<[f64; 2]>; 4] =
             groups(&engine.parameters().unwrap()).map(|g| vec![[0.0; 2]; g.len()]);
@@ -124,9 +125,11 @@ fn training_lowers_the_loss() {
     let batch = batch(64, 2);
     for sampling in [Sampling::Guided { samples: 16 }, Sampling::Stratified { coarse: 8, fine: 8 }] {
         for shading in SHADINGS {
-            let mut engine =
-                CpuEngine::new(&field(V5), EngineConfig { sampling, shading, beta2: 0.999, seed: SEED })
-                    .unwrap();
+            let mut engine = CpuEngine::new(
+                &field(V5),
+                EngineConfig { sampling, shading, optimiser: Optimiser::Adam, beta2: 0.999, seed: SEED },
+            )
+            .unwrap();
             let mut loss = |steps: std::ops::Range<u64>| {
                 steps.map(|step| engine.train_step(&batch, &settings(step)).unwrap().loss).last().unwrap()
             };
@@ -143,6 +146,7 @@ fn probes_that_nobody_trusts_change_nothing() {
     let config = EngineConfig {
         sampling: Sampling::Guided { samples: 12 },
         shading: SHADINGS[0],
+        optimiser: Optimiser::Adam,
         beta2: 0.999,
         seed: SEED,
     };
@@ -173,6 +177,7 @@ fn stages_count_what_a_step_takes() {
     let config = EngineConfig {
         sampling: Sampling::Guided { samples },
         shading: SHADINGS[0],
+        optimiser: Optimiser::Adam,
         beta2: 0.999,
         seed: SEED,
     };
@@ -220,8 +225,11 @@ fn photographed_probes_count_as_further_pairs() {
         StepSettings { depth_weight: 0.0, distortion_weight: 0.0, probe_weight: 4.0 / 3.0, ..settings(0) };
     for shading in SHADINGS {
         let sampling = Sampling::Stratified { coarse: 12, fine: 0 };
-        let mut engine =
-            CpuEngine::new(&field(V5), EngineConfig { sampling, shading, beta2: 0.999, seed: SEED }).unwrap();
+        let mut engine = CpuEngine::new(
+            &field(V5),
+            EngineConfig { sampling, shading, optimiser: Optimiser::Adam, beta2: 0.999, seed: SEED },
+        )
+        .unwrap();
         let before = engine.parameters().unwrap();
         let mut samples = SampleBatch::default();
         let jitter = Jitter(Some(Random::new(SEED, 0)));

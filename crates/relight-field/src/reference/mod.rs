@@ -9,9 +9,11 @@ mod encode;
 mod march;
 mod networks;
 mod optimise;
+mod soap;
 
 pub use backward::{Evaluation, loss_and_gradient};
 pub use march::{Ray, RaySamples, importance, place, stratified};
+pub use soap::Soap;
 
 use crate::architecture::LightInput;
 use crate::encoding::hash_grid::HashGrid;
@@ -24,7 +26,7 @@ use crate::parameters::{ParameterError, Parameters};
 use crate::random::Random;
 use crate::real::Real;
 use crate::sampling::{EngineConfig, Sampling};
-use optimise::Adam;
+use optimise::Moments;
 
 /// Number of the random stream of step 0; that of the first weights lie below.
 const STEP_STREAM: u64 = 1 << 32;
@@ -52,7 +54,7 @@ impl<R: Real> Field<R> {
 #[derive(Clone, Debug)]
 pub struct ReferenceEngine<R> {
     field: Field<R>,
-    adam: Adam<R>,
+    moments: Moments<R>,
     config: EngineConfig,
     coarse: usize,
     fine: usize,
@@ -73,7 +75,7 @@ impl<R: Real> ReferenceEngine<R> {
             return Err(EngineError::Shape("a ray needs at least one coarse sample".to_owned()));
         }
         let field = Field::new(parameters).map_err(|e| EngineError::Shape(e.to_string()))?;
-        Ok(Self { adam: Adam::new(&field.parameters), field, config, coarse, fine })
+        Ok(Self { moments: Moments::new(&field.parameters, config.optimiser), field, config, coarse, fine })
     }
 }
 
@@ -135,7 +137,7 @@ impl<R: Real> Engine for ReferenceEngine<R> {
                 return Err(non_finite(format!("the gradient of {name}")));
             }
         }
-        self.adam.step(
+        self.moments.step(
             &mut self.field.parameters,
             &evaluation.gradient,
             settings.learning_rate,
@@ -194,7 +196,7 @@ impl<R: Real> Engine for ReferenceEngine<R> {
     }
 
     fn state(&self) -> Result<EngineState, EngineError> {
-        Ok(self.adam.state())
+        Ok(self.moments.state())
     }
 
     fn restore(&mut self, parameters: &Parameters, state: &EngineState) -> Result<(), EngineError> {
@@ -202,7 +204,7 @@ impl<R: Real> Engine for ReferenceEngine<R> {
             return Err(EngineError::Shape("the checkpoint is of another field".to_owned()));
         }
         let field = Field::new(parameters).map_err(|e| EngineError::Shape(e.to_string()))?;
-        self.adam = Adam::restore(&field.parameters, state)?;
+        self.moments = Moments::restore(&field.parameters, self.config.optimiser, state)?;
         self.field = field;
         Ok(())
     }

@@ -1,33 +1,44 @@
-//! Optimise: Adam (Kingma and Ba 2015), sparse on the hash table.
+//! Optimise: Adam (Kingma and Ba 2015), sparse on the hash table, and for the networks Adam or SOAP.
 
+use super::soap::{ARRAYS, Soap};
 use crate::engine::{EngineError, EngineState, StateTensor};
+use crate::optimiser::Optimiser;
 use crate::parameters::Parameters;
 use crate::real::Real;
 
 /// Decay of the first moment.
-const BETA1: f64 = 0.9;
+pub(super) const BETA1: f64 = 0.9;
 /// Added to the root of the second moment: torch-ngp's, small beside the tiny gradients of table entries.
 const EPSILON: f64 = 1e-15;
 
-/// Adam's moments. Networks are updated at every step. An entry of the table whose gradient is zero, because no ray
+/// Adam's moments, and the bases of SOAP. Networks are updated at every step. An entry of the table whose gradient is zero, because no ray
 /// touched it, is left alone, moments and all, and the bias correction of each counts its own updates, as in
 /// tiny-cuda-nn.
 #[derive(Clone, Debug)]
-pub(super) struct Adam<R> {
+pub(super) struct Moments<R> {
     first: Parameters<R>,
     second: Parameters<R>,
     /// Updates of the networks.
     steps: u32,
     /// `[entries]`: updates of each entry of the table.
     updates: Vec<u32>,
+    /// Of every layer of the networks, with its number in its network; none under Adam.
+    bases: Vec<(u32, Soap<R>)>,
 }
 
-impl<R: Real> Adam<R> {
+impl<R: Real> Moments<R> {
     /// Before the first step.
-    pub fn new(parameters: &Parameters<R>) -> Self {
+    pub fn new(parameters: &Parameters<R>, optimiser: Optimiser) -> Self {
         let zero = parameters.map(|_| R::ZERO);
         let updates = vec![0; parameters.config.grid.entries()];
-        Self { first: zero.clone(), second: zero, steps: 0, updates }
+        let networks = match optimiser {
+            Optimiser::Adam => vec![],
+            Optimiser::Soap => vec![Some(&parameters.geo), Some(&parameters.rgb), parameters.vis.as_ref()],
+        };
+        let layers = networks.into_iter().flatten().flat_map(|network| (0..).zip(&network.layers));
+        let bases =
+            layers.map(|(number, layer)| (number, Soap::new([layer.outputs, layer.inputs]))).collect();
+        Self { first: zero.clone(), second: zero, steps: 0, updates, bases }
     }
 
     /// One update of the parameters against the gradient; `beta2` is the decay of the second moment.
@@ -57,6 +68,11 @@ impl<R: Real> Adam<R> {
                 }
             };
             // The table comes first.
+            if let Some((layer, soap)) = tensor.checked_sub(1).and_then(|layer| self.bases.get_mut(layer)) {
+                let (at, rate) = ((*layer, self.steps), R::from_f32(learning_rate));
+                soap.step(weight, gradient, [first, second], at, rate, beta2);
+                continue;
+            }
             if tensor > 0 {
                 update(0..gradient.len(), self.steps);
                 continue;
@@ -80,24 +96,40 @@ impl<R: Real> Adam<R> {
                 state.insert(format!("adam.{moment}.{name}"), StateTensor::F32(values));
             }
         }
+        for (i, (_, soap)) in self.bases.iter().enumerate() {
+            for (name, values) in ARRAYS.into_iter().zip(soap.arrays()) {
+                let values = values.iter().map(|v| v.to_f32()).collect();
+                state.insert(format!("soap.{i}.{name}"), StateTensor::F32(values));
+            }
+        }
         state.insert("adam.steps".to_owned(), StateTensor::U32(vec![self.steps]));
         state.insert("adam.updates".to_owned(), StateTensor::U32(self.updates.clone()));
         state
     }
 
-    /// Optimiser of `parameters` as [`Adam::state`] left it.
-    pub fn restore(parameters: &Parameters<R>, state: &EngineState) -> Result<Self, EngineError> {
-        let mut adam = Self::new(parameters);
+    /// Optimiser of `parameters` as [`Moments::state`] left it.
+    pub fn restore(
+        parameters: &Parameters<R>,
+        optimiser: Optimiser,
+        state: &EngineState,
+    ) -> Result<Self, EngineError> {
+        let mut adam = Self::new(parameters, optimiser);
+        let restore = |name: &str, values: &mut [R]| match state.get(name) {
+            Some(StateTensor::F32(saved)) if saved.len() == values.len() => {
+                values.iter_mut().zip(saved).for_each(|(v, &s)| *v = R::from_f32(s));
+                Ok(())
+            }
+            _ => Err(missing(name, values.len())),
+        };
         for (moment, arrays) in [("first", &mut adam.first), ("second", &mut adam.second)] {
             let names: Vec<String> = arrays.tensors().into_iter().map(|(name, _, _)| name).collect();
             for (name, values) in names.iter().zip(arrays.tensors_mut()) {
-                let name = format!("adam.{moment}.{name}");
-                match state.get(&name) {
-                    Some(StateTensor::F32(saved)) if saved.len() == values.len() => {
-                        values.iter_mut().zip(saved).for_each(|(v, &s)| *v = R::from_f32(s));
-                    }
-                    _ => return Err(missing(&name, values.len())),
-                }
+                restore(&format!("adam.{moment}.{name}"), values)?;
+            }
+        }
+        for (i, (_, soap)) in adam.bases.iter_mut().enumerate() {
+            for (name, values) in ARRAYS.into_iter().zip(soap.arrays_mut()) {
+                restore(&format!("soap.{i}.{name}"), values)?;
             }
         }
         for (name, values) in
@@ -149,7 +181,7 @@ mod tests {
     fn entries_count_their_own_updates_as_if_each_had_its_own_adam() {
         let golden: Golden = serde_json::from_str(include_str!("../../tests/golden/adam.json")).unwrap();
         let mut parameters = parameters();
-        let mut adam = Adam::new(&parameters);
+        let mut adam = Moments::new(&parameters, Optimiser::Adam);
         let numbers = golden.start.as_flattened().len();
         parameters.table[..numbers].copy_from_slice(golden.start.as_flattened());
         for step in &golden.gradients {
@@ -167,7 +199,7 @@ mod tests {
     fn a_constant_gradient_moves_networks_by_the_learning_rate() {
         let start = parameters();
         let mut parameters = start.clone();
-        let mut adam = Adam::new(&parameters);
+        let mut adam = Moments::new(&parameters, Optimiser::Adam);
         let gradient = parameters.map(|w| if w > 0.0 { 3.0 } else { -7.0 });
         for _ in 0..5 {
             adam.step(&mut parameters, &gradient, 0.125, 0.999);
@@ -181,17 +213,23 @@ mod tests {
 
     #[test]
     fn state_restores_the_optimiser_and_refuses_another_fields() {
+        for optimiser in [Optimiser::Adam, Optimiser::Soap] {
+            state_restores(optimiser);
+        }
+    }
+
+    fn state_restores(optimiser: Optimiser) {
         let mut parameters = parameters();
-        let mut adam = Adam::new(&parameters);
+        let mut adam = Moments::new(&parameters, optimiser);
         let gradient = parameters.map(|w| f64::from(w as f32));
         adam.step(&mut parameters, &gradient, 0.1, 0.999);
         let state = adam.state();
-        let restored = Adam::restore(&parameters, &state).unwrap();
+        let restored = Moments::restore(&parameters, optimiser, &state).unwrap();
         assert_eq!(restored.state(), state);
         for name in state.keys() {
             let mut broken = state.clone();
             broken.insert(name.clone(), StateTensor::U8(vec![1]));
-            let message = Adam::restore(&parameters, &broken).unwrap_err().to_string();
+            let message = Moments::restore(&parameters, optimiser, &broken).unwrap_err().to_string();
             assert!(message.contains(name), "{message}");
         }
     }

@@ -7,6 +7,7 @@ use crate::tiny::{config, settings, trained};
 use relight_field::architecture::{Architecture, V0, V5};
 use relight_field::encoding::{fourier, hash_grid, spherical_harmonics};
 use relight_field::engine::{Engine, LightPose, Points, RayBatch, Rays, StepSettings};
+use relight_field::optimiser::Optimiser;
 use relight_field::parameters::GridConfig;
 use relight_field::random::Random;
 use relight_field::real::Real;
@@ -132,6 +133,7 @@ fn field_values<R: Real>(tolerance: f64) {
         let engine_config = EngineConfig {
             sampling: Sampling::Stratified { coarse: 4, fine: 4 },
             shading: Shading::PerSample,
+            optimiser: Optimiser::Adam,
             beta2: 0.999,
             seed: 0,
         };

@@ -4,6 +4,7 @@ use relight_field::architecture::{V0, V2, V5};
 use relight_field::engine::{
     Engine, EngineError, LightPose, Outputs, Points, RayBatch, Rays, RenderSettings, StepSettings,
 };
+use relight_field::optimiser::Optimiser;
 use relight_field::parameters::Parameters;
 use relight_field::reference::ReferenceEngine;
 use relight_field::sampling::{EngineConfig, Sampling, Shading};
@@ -13,6 +14,7 @@ use crate::tiny::{batch, config, settings, trained};
 const ENGINE: EngineConfig = EngineConfig {
     sampling: Sampling::Stratified { coarse: 8, fine: 8 },
     shading: Shading::PerSample,
+    optimiser: Optimiser::Adam,
     beta2: 0.999,
     seed: 4,
 };
@@ -48,6 +50,14 @@ fn a_step_says_what_it_did() {
 
 #[test]
 fn a_restored_engine_continues_the_very_same_run() {
+    for optimiser in [Optimiser::Adam, Optimiser::Soap] {
+        restored_continues(EngineConfig { optimiser, ..ENGINE });
+    }
+}
+
+fn restored_continues(config: EngineConfig) {
+    let engine =
+        || ReferenceEngine::<f32>::new(&Parameters::init(self::config(V5), 1).unwrap(), config).unwrap();
     let batch = batch(3, 2, 1.0);
     let mut whole = engine();
     let mut first = engine();
