@@ -313,7 +313,7 @@ def golden_adam():
 def golden_soap():
     """One layer that SOAP (Vyas et al. 2024, algorithm 3) updates, with bases by torch's QR; their signs cancel."""
     outputs, inputs, layer, updates = 5, 7, 1, 130
-    memory, period, floor, epsilon, rate, betas = 0.95, 40, 1e-4, 1e-5, 0.01, (0.9, 0.999)
+    memory, period, early, floor, epsilon, rate, betas = 0.95, 40, 9, 1e-4, 1e-5, 0.01, (0.9, 0.999)
 
     def gradient(count):
         u = torch.tensor(uniform(SEED, 1000 + count, 3 + outputs * inputs).astype(float))
@@ -338,7 +338,7 @@ def golden_soap():
         root = (second / (1 - betas[1] ** count)).sqrt()
         step = first / (1 - betas[0] ** count) / (root + epsilon * (root**2).mean().sqrt())
         weight = weight - rate * left @ step @ right.T
-        if (count + layer) % period == 0:
+        if count <= early or (count + layer) % period == 0:
             world = left @ first @ right.T
             for side in sides:
                 shifted = side[0] + floor * side[0].diagonal().mean() * torch.eye(len(side[0]))

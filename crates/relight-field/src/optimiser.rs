@@ -18,10 +18,10 @@ pub enum Optimiser {
     /// W <- W - rate U^T (m M / (sqrt(s S) + EPSILON rms(sqrt(s S)))) V
     /// ```
     ///
-    /// where `m` and `s` are Adam's corrections, and the rows of `U` and `V` come near the eigenvectors of `A` and `B`: every
-    /// [`PERIOD`] updates `U` becomes `U (A + FLOOR mean(diag A) I)`, its rows made orthonormal one after another, and `V`
-    /// likewise; `M` is taken from the old bases to the new, and `S` is left as it is. Both begin as the identity. Layers of a network
-    /// take turns: layer `l`, from 0, renews its bases at updates `n`, from 1, with `n + l` a multiple of the period.
+    /// where `m` and `s` are Adam's corrections, and the rows of `U` and `V` come near the eigenvectors of `A` and `B`: from time to
+    /// time `U` becomes `U (A + FLOOR mean(diag A) I)`, its rows made orthonormal one after another, and `V`
+    /// likewise; `M` is taken from the old bases to the new, and `S` is left as it is. Both begin as the identity. When that is,
+    /// [`renews`] tells.
     Soap,
 }
 
@@ -30,6 +30,14 @@ pub const MEMORY: f64 = 0.95;
 
 /// Updates of a layer from one renewal of its bases to the next.
 pub const PERIOD: u32 = 40;
+
+/// First updates, after each of which bases are renewed.
+pub const EARLY: u32 = 9;
+
+/// Whether the bases of layer `layer`, from 0, of a network are renewed after update `count`, from 1. Later on, layers take turns.
+pub fn renews(layer: u32, count: u32) -> bool {
+    count <= EARLY || count.wrapping_add(layer).is_multiple_of(PERIOD)
+}
 
 /// Keeps rows apart whose covariance is nought, so that they can be made orthonormal.
 pub const FLOOR: f64 = 1e-4;

@@ -1,7 +1,7 @@
 //! Optimise: SOAP, see [`Optimiser::Soap`](crate::optimiser::Optimiser::Soap).
 
 use super::optimise::BETA1;
-use crate::optimiser::{EPSILON, FLOOR, MEMORY, PERIOD};
+use crate::optimiser::{EPSILON, FLOOR, MEMORY, renews};
 use crate::real::Real;
 
 /// One side of a layer: its outputs, or its inputs. Matrices are row-major `[n, n]`.
@@ -113,7 +113,7 @@ impl<R: Real> Soap<R> {
             let step = self.out_of_bases(&step);
             weight.iter_mut().zip(step).for_each(|(w, d)| *w = *w - learning_rate * d);
         }
-        if count.wrapping_add(layer).is_multiple_of(PERIOD) {
+        if renews(layer, count) {
             let world = self.out_of_bases(first);
             self.outputs.renew();
             self.inputs.renew();
