@@ -70,6 +70,11 @@ impl Moments {
         Self { m: vec![0.0; n], v: vec![0.0; n], updates: 0, bases }
     }
 
+    /// Operations of an update.
+    pub fn operations(&self) -> usize {
+        UPDATE_OPERATIONS * self.m.len() + self.bases.iter().map(Soap::operations).sum::<usize>()
+    }
+
     /// One update of all weights, which lie in one array after another; `gradient` is that of all of them.
     pub fn step<'a>(
         &mut self,

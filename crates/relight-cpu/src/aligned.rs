@@ -14,6 +14,13 @@ pub struct Aligned {
 }
 
 impl Aligned {
+    /// So many zeros.
+    pub fn zeros(length: usize) -> Self {
+        let mut zeros = Self::default();
+        zeros.resize(length);
+        zeros
+    }
+
     /// Makes room for `length` numbers, whatever they are.
     pub fn resize(&mut self, length: usize) {
         self.numbers.resize(self.numbers.len().max(length + LINE - 1), 0.0);

@@ -11,6 +11,7 @@ use relight_field::parameters::Parameters;
 use crate::adam::{Adam, Moments};
 use crate::mlp::Mlp;
 use crate::soap::Soap;
+use crate::stages::{Clock, Costs, Stage};
 
 /// Weights whose gradients one thread sums.
 const SUMMED_TOGETHER: usize = 2048;
@@ -117,7 +118,7 @@ impl Networks {
         self.geo.output_rows(simd, hidden, columns, 1..GEO_OUTPUTS, embeddings);
     }
 
-    /// One optimiser step of all three.
+    /// One optimiser step of all three. Returns what it cost the threads together.
     pub fn step(
         &mut self,
         simd: Level,
@@ -125,15 +126,22 @@ impl Networks {
         moments: &mut [Moments; 3],
         rate: f32,
         adam: &Adam,
-    ) {
+    ) -> Costs {
         let networks = [Some(&mut self.geo), Some(&mut self.rgb), self.vis.as_mut()];
         let parts = networks.into_par_iter().zip(gradients.parts()).zip(moments).with_max_len(1);
-        parts.for_each(|((network, gradient), moments)| {
+        let one = |((network, gradient), moments): ((Option<&mut Mlp>, &[f32]), &mut Moments)| {
+            let mut clock = Clock::default();
             if let Some(network) = network {
                 moments.step(simd, network.weights_mut(), gradient, rate, adam);
                 network.refresh();
+                clock.lap(Stage::OptimiseNetworks, moments.operations());
             }
-        });
+            *clock.costs()
+        };
+        parts.map(one).reduce(Costs::default, |mut a, b| {
+            a.add(&b);
+            a
+        })
     }
 
     /// Shared inputs of the colour network's first layer: those of `zeta(d)`, then those of `h(x)` where it has them; any

@@ -25,21 +25,11 @@ struct Side {
 
 impl Side {
     fn new(n: usize) -> Self {
-        let matrix = || {
-            let mut matrix = Aligned::default();
-            matrix.resize(n * padded(n));
-            matrix
-        };
-        let mut side =
-            Self { n, covariance: matrix(), basis: matrix(), transposed: matrix(), product: matrix() };
+        let [covariance, basis, transposed, product] = std::array::from_fn(|_| Aligned::zeros(n * padded(n)));
+        let mut side = Self { n, covariance, basis, transposed, product };
         side.basis.iter_mut().step_by(padded(n) + 1).for_each(|d| *d = 1.0);
         side.transposed.copy_from_slice(&side.basis);
         side
-    }
-
-    /// A matrix to multiply by from the left, of `n` rows.
-    fn left<'a>(&self, data: &'a [f32]) -> Matrix<'a> {
-        Matrix { data, stride: padded(self.n), first: 0 }
     }
 
     /// Brings the basis nearer to the eigenvectors of the covariance.
@@ -61,6 +51,7 @@ impl Side {
         self.transpose();
     }
 
+    /// Makes `transposed` that of the basis.
     fn transpose(&mut self) {
         let stride = padded(self.n);
         for (i, row) in self.basis.chunks_exact(stride).enumerate() {
@@ -69,7 +60,7 @@ impl Side {
         }
     }
 
-    /// Takes a matrix `[n, n]` in place of the covariance or the basis.
+    /// Takes others, `[n, n]`, in place of covariance and basis.
     fn set(&mut self, [covariance, basis]: [&[f32]; 2]) {
         let stride = padded(self.n);
         for (mine, saved) in [(&mut self.covariance, covariance), (&mut self.basis, basis)] {
@@ -79,6 +70,7 @@ impl Side {
         self.transpose();
     }
 
+    /// `[n, n]` of a matrix with padded rows.
     fn unpadded(&self, matrix: &[f32]) -> Vec<f32> {
         matrix.chunks_exact(padded(self.n)).flat_map(|row| &row[..self.n]).copied().collect()
     }
@@ -130,13 +122,8 @@ pub const ARRAYS: [&str; 4] = ["outputs.covariance", "outputs.basis", "inputs.co
 impl Soap {
     /// The identity, for a layer of these outputs and inputs.
     pub fn new(outputs: usize, inputs: usize) -> Self {
-        let matrix = || {
-            let mut matrix = Aligned::default();
-            matrix.resize(outputs * padded(inputs));
-            matrix
-        };
-        let (outputs, inputs) = (Side::new(outputs), Side::new(inputs));
-        Self { outputs, inputs, matrix: matrix(), half: matrix(), turned: matrix() }
+        let [matrix, half, turned] = std::array::from_fn(|_| Aligned::zeros(outputs * padded(inputs)));
+        Self { outputs: Side::new(outputs), inputs: Side::new(inputs), matrix, half, turned }
     }
 
     /// What is to be kept, square matrices row by row.
@@ -160,6 +147,13 @@ impl Soap {
         self.outputs.set([outputs_covariance, outputs_basis]);
         self.inputs.set([inputs_covariance, inputs_basis]);
         true
+    }
+
+    /// Additions and multiplications of an update's products; new bases, which are rare, not counted.
+    pub fn operations(&self) -> usize {
+        let (o, i) = (self.outputs.n, self.inputs.n);
+        // The gradient with itself, into the bases and out of them, on both sides each.
+        2 * 3 * (o * o * i + i * i * o)
     }
 
     /// Update number `count`, from 1, of layer `layer` of its network. `weights`, `gradient` and the moments are `[outputs, inputs]`,
@@ -266,7 +260,8 @@ fn turn(
     [matrix, half, turned]: [&mut [f32]; 3],
 ) {
     let (o, i, stride) = (outputs.n, inputs.n, padded(inputs.n));
-    multiply(simd, outputs.left(a), matrix, half, (o, o, stride), None, Store::Set);
+    let a = Matrix { data: a, stride: padded(o), first: 0 };
+    multiply(simd, a, matrix, half, (o, o, stride), None, Store::Set);
     turned.fill(0.0);
     accumulate_outer(simd, half, b, MatrixMut { data: turned, stride, first: 0 }, (i, o, stride));
 }

@@ -12,7 +12,6 @@ use relight_field::sampling::{Sampling, Shading};
 
 use super::CpuEngine;
 use super::lane::{Lane, Sums, Work};
-use crate::adam::UPDATE_OPERATIONS;
 use crate::dense::COLUMN_ALIGN;
 use crate::density_grid::DensityGrid;
 use crate::hash_grid::TileGradients;
@@ -144,16 +143,12 @@ impl CpuEngine {
             lanes.iter().flat_map(|lane| lane.samples.positions().tiles(&lane.feature_gradients)).collect();
         let guided = matches!(self.config.sampling, Sampling::Guided { .. });
         let optimise_networks = || {
-            let started = Instant::now();
-            networks.step(*simd, &lanes[0].gradients, moments, rate, adam);
+            let mut costs = networks.step(*simd, &lanes[0].gradients, moments, rate, adam);
             let weights: usize = moments.iter().map(|moments| moments.m.len()).sum();
-            let mut costs = Costs::default();
-            *costs.of(Stage::OptimiseNetworks) = StageCost {
-                seconds: started.elapsed().as_secs_f64(),
-                operations: ((lanes.len() - 1 + UPDATE_OPERATIONS) * weights) as f64,
-                bytes: (size_of::<f32>() * (lanes.len() + 7) * weights) as f64,
-                ..StageCost::default()
-            };
+            let cost = costs.of(Stage::OptimiseNetworks);
+            // The sums over lanes before.
+            cost.operations += ((lanes.len() - 1) * weights) as f64;
+            cost.bytes = (size_of::<f32>() * (lanes.len() + 7) * weights) as f64;
             costs
         };
         let observe_densities = || {
