@@ -35,14 +35,16 @@ impl Side {
     /// Brings the basis nearer to the eigenvectors of the covariance.
     fn renew(&mut self, simd: Level) {
         let (n, stride) = (self.n, padded(self.n));
-        let trace: f32 = self.covariance.iter().step_by(stride + 1).sum();
-        if trace <= 0.0 {
+        let mean = self.covariance.iter().step_by(stride + 1).sum::<f32>() / n as f32;
+        // Where there never was a gradient, or none for long.
+        if !mean.is_normal() {
             return;
         }
         let matrix = Matrix { data: &self.transposed, stride, first: 0 };
         multiply(simd, matrix, &self.covariance, &mut self.product, (n, n, stride), None, Store::Set);
-        let floor = FLOOR as f32 * trace / n as f32;
-        self.product.iter_mut().zip(&*self.basis).for_each(|(p, b)| *p += floor * b);
+        // By the mean, so that lengths of rows are within single precision however small gradients are.
+        let rows = self.product.iter_mut().zip(&*self.basis);
+        rows.for_each(|(p, b)| *p = *p / mean + FLOOR as f32 * b);
         dispatch!(simd, simd => simd.vectorize(
             #[inline(always)]
             || orthonormalise(&mut self.product, stride),
@@ -186,7 +188,7 @@ impl Soap {
         }
         let mean = sums.iter().sum::<f32>() / v.len() as f32;
         let epsilon = EPSILON as f32 * (mean * c2).sqrt();
-        // Where no gradient was ever other than nought.
+        // Else there never was a gradient other than nought.
         if epsilon > 0.0 {
             let rows = self.matrix.chunks_exact_mut(stride).zip(m.chunks_exact(width));
             for ((step, m), v) in rows.zip(v.chunks_exact(width)) {
@@ -371,6 +373,42 @@ mod tests {
         let [covariance, basis, ..] = soap.arrays();
         assert!(covariance.iter().all(|&c| c == 0.0));
         assert!(basis.iter().enumerate().all(|(i, &b)| b == f32::from(i % 6 == 0)));
+    }
+
+    /// Rectifiers that all have died give no gradient any more.
+    #[test]
+    fn a_gradient_that_ends_leaves_finite_weights() {
+        let (mut soap, adam) = (Soap::new(64, 48), Adam::new(BETA2));
+        let n = 64 * 48;
+        let (mut weights, mut m, mut v) = (weights(n), vec![0.0; n], vec![0.0; n]);
+        for count in 1..=100 * PERIOD {
+            let mut gradient = gradient(64, 48, count.min(2 * PERIOD));
+            if count > 2 * PERIOD {
+                gradient.fill(0.0);
+            }
+            soap.step(Level::new(), &mut weights, &gradient, [&mut m, &mut v], (0, count), RATE, &adam);
+        }
+        assert!(weights.iter().chain(&m).chain(&v).all(|w| w.is_finite()));
+        let [_, basis, ..] = soap.arrays();
+        let lengths = basis.chunks_exact(64).map(|row| row.iter().map(|b| b * b).sum::<f32>());
+        assert!(lengths.into_iter().all(|length| (length - 1.0).abs() < 1e-4));
+    }
+
+    #[test]
+    fn updates_depend_on_no_gradients_magnitude() {
+        let n = 20 * 48;
+        let [plain, small, large] = [1.0, 2f32.powi(-26), 2f32.powi(20)].map(|scale| {
+            let (mut soap, adam) = (Soap::new(20, 48), Adam::new(BETA2));
+            let (mut weights, mut m, mut v) = (weights(n), vec![0.0; n], vec![0.0; n]);
+            for count in 1..=2 * PERIOD {
+                let gradient: Vec<f32> = gradient(20, 48, count).iter().map(|g| scale * g).collect();
+                soap.step(Level::new(), &mut weights, &gradient, [&mut m, &mut v], (0, count), RATE, &adam);
+            }
+            weights
+        });
+        // Powers of two change no digit.
+        assert_eq!(plain, small);
+        assert_eq!(plain, large);
     }
 
     #[test]

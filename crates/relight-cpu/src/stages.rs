@@ -38,7 +38,7 @@ pub enum Stage {
     ShadowEncode,
     /// `geo` at those samples.
     ShadowGeometry,
-    /// Sum of the network gradients, and Adam on the networks.
+    /// Sum of the network gradients, and Adam or SOAP on the networks.
     OptimiseNetworks,
     /// Gradients of the grid's entries from those of samples.
     Scatter,

@@ -67,6 +67,10 @@ pub fn load(
     if !grid.set_moments(f32s("adam.grid.m")?, f32s("adam.grid.v")?, u32s("adam.grid.updates")?) {
         return Err(missing("adam.grid"));
     }
+    let plain = moments.iter().all(|moments| moments.bases.is_empty());
+    if plain && state.keys().any(|name| name.starts_with("soap.")) {
+        return Err(EngineError::Shape("the checkpoint is of networks that were trained by SOAP".into()));
+    }
     for (moments, network) in moments.iter_mut().zip(NETWORKS) {
         for (mine, part) in [(&mut moments.m, "m"), (&mut moments.v, "v")] {
             let name = format!("adam.{network}.{part}");

@@ -19,7 +19,7 @@ pub enum Optimiser {
     /// ```
     ///
     /// where `m` and `s` are Adam's corrections, and the rows of `U` and `V` come near the eigenvectors of `A` and `B`: from time to
-    /// time `U` becomes `U (A + FLOOR mean(diag A) I)`, its rows made orthonormal one after another, and `V`
+    /// time `U` becomes `U (A / mean(diag A) + FLOOR I)`, its rows made orthonormal one after another, and `V`
     /// likewise; `M` is taken from the old bases to the new, and `S` is left as it is. Both begin as the identity. When that is,
     /// [`renews`] tells.
     Soap,
@@ -34,7 +34,7 @@ pub const PERIOD: u32 = 40;
 /// First updates, after each of which bases are renewed.
 pub const EARLY: u32 = 9;
 
-/// Whether the bases of layer `layer`, from 0, of a network are renewed after update `count`, from 1. Later on, layers take turns.
+/// Whether the bases of layer `layer`, from 0, of a network are renewed after update `count`, from 1. Later on, layers of a network take turns.
 pub fn renews(layer: u32, count: u32) -> bool {
     count <= EARLY || count.wrapping_add(layer).is_multiple_of(PERIOD)
 }

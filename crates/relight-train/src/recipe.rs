@@ -314,6 +314,14 @@ mod tests {
     }
 
     #[test]
+    fn recipes_of_before_have_adam() {
+        let text = toml::to_string(&Recipe::fast()).unwrap();
+        let before = text.replace("optimiser = \"soap\"\n", "");
+        assert_ne!(text, before);
+        assert_eq!(toml::from_str::<Recipe>(&before).unwrap().optimiser, Optimiser::Adam);
+    }
+
+    #[test]
     fn unknown_settings_are_refused_by_name() {
         let text = format!("warp = 9\n{}", toml::to_string(&Recipe::fast()).unwrap());
         assert!(toml::from_str::<Recipe>(&text).unwrap_err().to_string().contains("warp"));

@@ -118,6 +118,11 @@ fn checkpoints_of_other_runs() {
         short.insert(name.clone(), StateTensor::U8(vec![1]));
         refused(engine.restore(&field(V5), &short));
     }
+    // Moments are in bases that Adam knows nothing of.
+    let mut plain =
+        CpuEngine::new(&field(V5), EngineConfig { optimiser: Optimiser::Adam, ..CONFIG }).unwrap();
+    let message = refused(plain.restore(&parameters, &state));
+    assert!(message.contains("SOAP"), "{message}");
     // Refused checkpoints change nothing.
     assert_eq!(engine.parameters().unwrap(), parameters);
     assert!(engine.state().unwrap() == state);

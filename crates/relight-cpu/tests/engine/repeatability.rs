@@ -27,7 +27,7 @@ const CONFIGS: [EngineConfig; 2] = [
     },
 ];
 
-/// Steps after which all layers have new bases, and a step before any has.
+/// Steps after which all layers have had new bases, and some before the last of those.
 const RENEWED: u64 = PERIOD as u64 + 4;
 const BEFORE: u64 = PERIOD as u64 - 5;
 

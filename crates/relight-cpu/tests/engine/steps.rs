@@ -2,13 +2,15 @@
 
 use fearless_simd::Level;
 use relight_cpu::CpuEngine;
+use relight_cpu::adam::Adam;
+use relight_cpu::networks::Networks;
 use relight_cpu::samples::{Jitter, SampleBatch};
 use relight_field::architecture::V5;
 use relight_field::engine::*;
-use relight_field::optimiser::Optimiser;
+use relight_field::optimiser::{Optimiser, PERIOD};
 use relight_field::parameters::Parameters;
 use relight_field::random::Random;
-use relight_field::reference::{Field, loss_and_gradient};
+use relight_field::reference::{Field, Soap, loss_and_gradient};
 use relight_field::sampling::{EngineConfig, Sampling};
 
 use crate::common::*;
@@ -123,19 +125,60 @@ fn three_steps_follow_the_oracles_gradients() {
 #[test]
 fn training_lowers_the_loss() {
     let batch = batch(64, 2);
-    for sampling in [Sampling::Guided { samples: 16 }, Sampling::Stratified { coarse: 8, fine: 8 }] {
-        for shading in SHADINGS {
-            let mut engine = CpuEngine::new(
-                &field(V5),
-                EngineConfig { sampling, shading, optimiser: Optimiser::Adam, beta2: 0.999, seed: SEED },
-            )
-            .unwrap();
+    let samplings = [Sampling::Guided { samples: 16 }, Sampling::Stratified { coarse: 8, fine: 8 }];
+    let ways = samplings.into_iter().flat_map(|s| SHADINGS.map(|shading| (s, shading)));
+    for (sampling, shading) in ways {
+        for optimiser in [Optimiser::Adam, Optimiser::Soap] {
+            let config = EngineConfig { sampling, shading, optimiser, beta2: 0.999, seed: SEED };
+            let mut engine = CpuEngine::new(&field(V5), config).unwrap();
             let mut loss = |steps: std::ops::Range<u64>| {
                 steps.map(|step| engine.train_step(&batch, &settings(step)).unwrap().loss).last().unwrap()
             };
             let (first, last) = (loss(0..1), loss(1..60));
-            assert!(last < 0.5 * first, "{sampling:?}, {shading:?}: {first} {last}");
+            assert!(last < 0.5 * first, "{sampling:?}, {shading:?}, {optimiser:?}: {first} {last}");
         }
+    }
+}
+
+/// Every layer by itself, with its own part of the gradient, and renewing its bases when it is its turn.
+#[test]
+fn networks_follow_by_soap_as_the_oracle_does() {
+    const RATE: f32 = 0.01;
+    let parameters = field(V5);
+    let (mut networks, adam) = (Networks::new(&parameters), Adam::new(0.999));
+    let mut moments = networks.moments(Optimiser::Soap);
+    // Layers in their order, each with its number in its network.
+    let tensors: Vec<_> = parameters.tensors().into_iter().skip(1).collect();
+    let mut oracle: Vec<_> = tensors
+        .iter()
+        .map(|(name, shape, weights)| {
+            let layer: u32 = name.split('.').nth(1).unwrap().parse().unwrap();
+            let weights: Vec<f64> = weights.iter().map(|&w| f64::from(w)).collect();
+            let zeros = vec![0.0; weights.len()];
+            (layer, Soap::<f64>::new(*shape), weights, zeros.clone(), zeros)
+        })
+        .collect();
+    for count in 1..=u64::from(PERIOD) + 5 {
+        let random = Random::new(8, count);
+        let mut gradients = networks.gradients();
+        let numbers = [&mut gradients.geo, &mut gradients.rgb, &mut gradients.vis].into_iter().flatten();
+        (0..).zip(numbers).for_each(|(i, g)| *g = random.uniform_at(i) - 0.4);
+        let mut left: Vec<f64> = gradients.parts().concat().into_iter().map(f64::from).collect();
+        networks.step(Level::new(), &gradients, &mut moments, RATE, &adam);
+        for (layer, soap, weights, first, second) in &mut oracle {
+            let rest = left.split_off(weights.len());
+            let at = (*layer, count as u32);
+            soap.step(weights, &left, [&mut first[..], &mut second[..]], at, f64::from(RATE), 0.999);
+            left = rest;
+        }
+    }
+    let mut after = parameters.clone();
+    (after.geo, after.rgb) = (networks.geo.network(), networks.rgb.network());
+    after.vis = networks.vis.as_ref().map(|vis| vis.network());
+    for ((name, _, ours), (_, _, plain, ..)) in after.tensors().into_iter().skip(1).zip(&oracle) {
+        let squares = ours.iter().zip(plain).map(|(&o, p)| (f64::from(o) - p).powi(2));
+        let apart = (squares.sum::<f64>() / plain.len() as f64).sqrt();
+        assert!(apart < 5e-3, "{name}: {apart}");
     }
 }
 

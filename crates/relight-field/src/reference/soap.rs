@@ -31,13 +31,15 @@ impl<R: Real> Side<R> {
     /// Brings the basis nearer to the eigenvectors of the covariance.
     fn renew(&mut self) {
         let n = self.n;
-        let trace: R = (0..n).map(|i| self.covariance[i * n + i]).sum();
-        if trace <= R::ZERO {
+        let mean = (0..n).map(|i| self.covariance[i * n + i]).sum::<R>() / R::from_f64(n as f64);
+        // Where there never was a gradient, or none for long.
+        if !(mean.is_finite() && mean >= R::from_f32(f32::MIN_POSITIVE)) {
             return;
         }
-        let floor = R::from_f64(FLOOR / n as f64) * trace;
         let product = multiply(&self.basis, &self.covariance, n, n);
-        let mut rows: Vec<R> = product.into_iter().zip(&self.basis).map(|(p, &b)| p + floor * b).collect();
+        let floor = R::from_f64(FLOOR);
+        let mut rows: Vec<R> =
+            product.into_iter().zip(&self.basis).map(|(p, &b)| p / mean + floor * b).collect();
         for i in 0..n {
             let (before, row) = rows.split_at_mut(i * n);
             let row = &mut row[..n];
@@ -106,7 +108,7 @@ impl<R: Real> Soap<R> {
         let (c1, c2) = (correction(BETA1), correction(beta2));
         let mean = second.iter().copied().sum::<R>() / R::from_f64((o * i) as f64);
         let epsilon = R::from_f64(EPSILON) * (mean * c2).sqrt();
-        // Where no gradient was ever other than nought.
+        // Else there never was a gradient other than nought.
         if epsilon > R::ZERO {
             let moments = first.iter().zip(&*second);
             let step: Vec<R> = moments.map(|(&m, &s)| m * c1 / ((s * c2).sqrt() + epsilon)).collect();
