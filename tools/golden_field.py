@@ -333,7 +333,7 @@ def golden_soap():
         sides[1][0] = memory * sides[1][0] + g.T @ g
         left, right = sides[0][1], sides[1][1]  # eigenvectors in columns
         turned = left.T @ g @ right
-        first = betas[0] * first + (1 - betas[0]) * (left.T @ g @ right)
+        first = betas[0] * first + (1 - betas[0]) * turned
         second = betas[1] * second + (1 - betas[1]) * turned**2
         root = (second / (1 - betas[1] ** count)).sqrt()
         step = first / (1 - betas[0] ** count) / (root + epsilon * (root**2).mean().sqrt())
@@ -341,7 +341,7 @@ def golden_soap():
         if count <= early or (count + layer) % period == 0:
             world = left @ first @ right.T
             for side in sides:
-                shifted = side[0] + floor * side[0].diagonal().mean() * torch.eye(len(side[0]))
+                shifted = side[0] / side[0].diagonal().mean() + floor * torch.eye(len(side[0]))
                 side[1] = torch.linalg.qr(shifted @ side[1])[0]
             first = sides[0][1].T @ world @ sides[1][1]
     return {"seed": SEED, "layer": layer, "updates": updates, "start": start.tolist(), "end": weight.tolist()}

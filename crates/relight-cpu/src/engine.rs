@@ -13,12 +13,13 @@ use relight_field::engine::{
 use relight_field::parameters::{FieldConfig, Parameters};
 use relight_field::sampling::{EngineConfig, Sampling};
 
-use crate::adam::{Adam, Moments};
+use crate::adam::Adam;
 use crate::density_grid::DensityGrid;
 use crate::draw::DrawMemory;
 use crate::experience::Experience;
 use crate::hash_grid::HashGrid;
 use crate::march::UnitCube;
+use crate::moments::Moments;
 use crate::networks::Networks;
 use crate::pool::Pool;
 use crate::samples::Marcher;

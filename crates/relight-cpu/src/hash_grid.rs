@@ -158,10 +158,7 @@ impl HashGrid {
                 },
             )
         };
-        tasks.into_par_iter().with_max_len(1).map(one).reduce(Costs::default, |mut a, b| {
-            a.add(&b);
-            a
-        })
+        tasks.into_par_iter().with_max_len(1).map(one).reduce(Costs::default, Costs::plus)
     }
 }
 

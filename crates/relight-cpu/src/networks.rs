@@ -8,8 +8,9 @@ use relight_field::architecture::{Architecture, EMBEDDING, EmbeddingEntry, GEO_O
 use relight_field::optimiser::Optimiser;
 use relight_field::parameters::Parameters;
 
-use crate::adam::{Adam, Moments};
+use crate::adam::Adam;
 use crate::mlp::Mlp;
+use crate::moments::Moments;
 use crate::soap::Soap;
 use crate::stages::{Clock, Costs, Stage};
 
@@ -138,10 +139,7 @@ impl Networks {
             }
             *clock.costs()
         };
-        parts.map(one).reduce(Costs::default, |mut a, b| {
-            a.add(&b);
-            a
-        })
+        parts.map(one).reduce(Costs::default, Costs::plus)
     }
 
     /// Shared inputs of the colour network's first layer: those of `zeta(d)`, then those of `h(x)` where it has them; any

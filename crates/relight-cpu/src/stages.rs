@@ -92,6 +92,12 @@ impl Costs {
         self.0.iter_mut().zip(&other.0).for_each(|(mine, other)| mine.add(other));
     }
 
+    /// Both together.
+    pub fn plus(mut self, other: Self) -> Self {
+        self.add(&other);
+        self
+    }
+
     /// Adds what all threads together counted in `seconds` of time: those are divided as the threads' are.
     pub fn add_share(&mut self, mut threads: Self, seconds: f64) {
         let total = threads.seconds().max(1e-12);

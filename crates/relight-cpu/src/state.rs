@@ -3,10 +3,10 @@
 
 use relight_field::engine::{EngineError, EngineState, StateTensor};
 
-use crate::adam::Moments;
 use crate::density_grid::DensityGrid;
 use crate::experience::{Experience, Fading};
 use crate::hash_grid::HashGrid;
+use crate::moments::Moments;
 use crate::soap::ARRAYS;
 
 /// Names of the networks, in the order of their moments.
