@@ -11,7 +11,7 @@ use common::{TINY, Workshop, metrics};
 fn a_trained_field_beats_what_can_be_had_without_learning() {
     let recipe = "rays-per-step = 512\nlights-per-ray = 4\nepoch = 300\n\
         [sampling.guided]\nsamples = 24\n\
-        [grid]\nlevels = 8\nfeatures = 2\nlog2_table = 14\nbase = 8\nfinest = 128\n";
+        [grid]\nlevels = 4\nfeatures = 4\nlog2_table = 15\nbase = 8\nfinest = 128\n";
     let shop = Workshop::with([30, 12], [48, 36], recipe);
     shop.succeed("train scene --out run --recipe recipe.toml --steps 600");
     for split in ["val", "easy", "hard"] {
@@ -168,7 +168,7 @@ fn a_grid_that_the_recipe_leaves_open_is_fitted_to_the_images_and_kept() {
     shop.succeed("train scene --out run --recipe recipe.toml --steps 5");
     let config = std::fs::read_to_string(shop.path("run/config.toml")).unwrap();
     // Images this small ask for the coarsest.
-    assert!(config.contains("finest = 256") && config.contains("log2_table = 16"), "{config}");
+    assert!(config.contains("finest = 256") && config.contains("log2_table = 17"), "{config}");
     shop.succeed("train scene --out run --resume --steps 10");
     let open = config.split("[recipe.grid]").next().unwrap();
     std::fs::write(shop.path("run/config.toml"), open).unwrap();

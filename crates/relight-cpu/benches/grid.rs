@@ -31,23 +31,24 @@ fn positions() -> Vec<f32> {
     data
 }
 
-fn grid() -> HashGrid {
-    let config = GridConfig::default();
-    HashGrid::new(&config, &vec![1e-4; 2 * config.entries()])
+/// A grid of so many features an entry, 32 of all levels.
+fn grid(features: usize) -> HashGrid {
+    let config = GridConfig { levels: 32 / features, features, ..GridConfig::default() };
+    HashGrid::new(&config, &vec![1e-4; features * config.entries()])
 }
 
-#[divan::bench]
-fn encode(bencher: divan::Bencher<'_, '_>) {
-    let (grid, data, level) = (grid(), positions(), Level::new());
-    let mut features = vec![0.0; TILES * 32 * COLUMNS];
+#[divan::bench(args = [2, 4])]
+fn encode(bencher: divan::Bencher<'_, '_>, features: usize) {
+    let (grid, data, level) = (grid(features), positions(), Level::new());
+    let mut encoded = vec![0.0; TILES * 32 * COLUMNS];
     bencher.counter(ItemsCount::new(TILES * COLUMNS)).bench_local(|| {
-        grid.encode(level, TiledPositions { data: &data, columns: COLUMNS }, &mut features);
+        grid.encode(level, TiledPositions { data: &data, columns: COLUMNS }, &mut encoded);
     });
 }
 
-#[divan::bench]
-fn scatter_and_adam(bencher: divan::Bencher<'_, '_>) {
-    let (mut grid, data, level) = (grid(), positions(), Level::new());
+#[divan::bench(args = [2, 4])]
+fn scatter_and_adam(bencher: divan::Bencher<'_, '_>, features: usize) {
+    let (mut grid, data, level) = (grid(features), positions(), Level::new());
     let gradients = vec![1e-3; TILES * 32 * COLUMNS];
     let adam = Adam::new(0.999);
     bencher.counter(ItemsCount::new(TILES * COLUMNS)).bench_local(|| {

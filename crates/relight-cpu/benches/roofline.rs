@@ -8,7 +8,7 @@ const LARGEST: u32 = 22;
 
 fn main() {
     let threads = rayon::current_num_threads();
-    let limits = Limits::measure(1 << LARGEST, 1 << LARGEST);
+    let limits = Limits::measure::<2>(1 << LARGEST, 1 << LARGEST);
     println!("{threads} threads");
     println!("f32 multiply-adds    {:8.0} GFLOP/s", limits.operations / 1e9);
     match bf16::dot_products() {
@@ -16,12 +16,19 @@ fn main() {
         None => println!("bf16 dot products           not on this processor"),
     }
     println!("copy                 {:8.0} GB/s", limits.bytes / 1e9);
-    println!("\nentries of 8 bytes       looked up in no order    added to in no order");
+    random_access::<2>();
+    random_access::<4>();
+}
+
+/// Rates of entries of `F` features.
+fn random_access<const F: usize>() {
+    let bytes = size_of::<[f32; F]>();
+    println!("\nentries of {bytes:2} bytes      looked up in no order    added to in no order");
     for log2 in (12..=LARGEST).step_by(2) {
-        let limits = Limits::measure(1 << log2, 1 << log2);
+        let limits = Limits::measure::<F>(1 << log2, 1 << log2);
         println!(
             "2^{log2} ({:6} kB) {:18.2} G/s {:18.2} G/s",
-            (8 << log2) / 1024,
+            (bytes << log2) / 1024,
             limits.lookups / 1e9,
             limits.updates / 1e9
         );

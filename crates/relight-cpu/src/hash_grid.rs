@@ -5,44 +5,35 @@
 mod corners;
 mod encoding;
 mod level_gradient;
+mod table;
 
 use fearless_simd::Level;
-use rayon::prelude::*;
-use relight_field::parameters::{GridConfig, Level as GridLevel};
+use relight_field::engine::StageCost;
+use relight_field::parameters::GridConfig;
 
-use crate::adam::{Adam, UPDATE_OPERATIONS};
-use crate::pool::Pool;
-use crate::stages::{Clock, Costs, Stage};
-use level_gradient::LevelGradient;
+use crate::adam::Adam;
+use crate::stages::Costs;
+use table::Table;
 
 /// Corners of a cell.
 const CORNERS: usize = 8;
-/// Operations of a corner: its weight, and what it adds to two features or gets from them; the fractions that all corners
-/// share in part.
-const OPERATIONS: f64 = 6.75;
-/// Bytes of an entry, its moments and its gradient, read and written.
-const ENTRY_BYTES: usize = 2 * (2 * size_of::<Entry>() + size_of::<EntryMoments>());
 
-/// One entry: its two features.
-type Entry = [f32; 2];
-
-/// Adam's state of one entry.
-#[derive(Clone, Copy, Default)]
-struct EntryMoments {
-    m: Entry,
-    v: Entry,
-    updates: u32,
+/// The table, with its optimiser. Its kernels are built for each number of features an entry.
+pub enum HashGrid {
+    /// Two, as the paper has.
+    Two(Table<2>),
+    /// Four: half as many lookups for as many numbers.
+    Four(Table<4>),
 }
 
-/// The table, with its optimiser.
-pub struct HashGrid {
-    levels: Vec<GridLevel>,
-    table: Vec<Entry>,
-    /// Empty until the first step: drawing needs none.
-    moments: Vec<EntryMoments>,
-    /// Gradient accumulators of one level, one for each thread at work; all zero between levels.
-    scratch: Pool<LevelGradient>,
-    largest: usize,
+/// The same of a grid's table, whatever its features.
+macro_rules! of {
+    ($grid:expr, $table:ident => $result:expr) => {
+        match $grid {
+            HashGrid::Two($table) => $result,
+            HashGrid::Four($table) => $result,
+        }
+    };
 }
 
 /// Samples in tiles: `[tile][3][columns]`, positions in the unit cube.
@@ -59,7 +50,7 @@ pub struct TiledPositions<'a> {
 pub struct TileGradients<'a> {
     /// `[3][columns]`: positions in the unit cube.
     pub positions: &'a [f32],
-    /// `[2 * levels][columns]`.
+    /// `[outputs][columns]`.
     pub gradients: &'a [f32],
     /// Its columns, a multiple of 16.
     pub columns: usize,
@@ -84,81 +75,48 @@ pub fn set_position(tile: &mut [f32], column: usize, unit: [f32; 3]) {
 }
 
 impl HashGrid {
-    /// Takes the table of `config`, `[entries, 2]`.
+    /// Takes the table of a valid `config`, `[entries, features]`.
     pub fn new(config: &GridConfig, table: &[f32]) -> Self {
-        let levels = config.level_table();
-        let table: Vec<Entry> = table.as_chunks().0.to_vec();
-        let largest = levels.iter().map(|l| l.entries).max().unwrap_or(0);
-        Self { levels, moments: Vec::new(), table, scratch: Pool::default(), largest }
-    }
-
-    /// The table, `[entries, 2]`.
-    pub fn table(&self) -> Vec<f32> {
-        self.table.as_flattened().to_vec()
-    }
-
-    /// Features of an encoded position.
-    pub fn outputs(&self) -> usize {
-        2 * self.levels.len()
-    }
-
-    /// Moments as flat arrays: first and second moments `[entries, 2]`, and updates `[entries]`.
-    pub fn moments(&self) -> (Vec<f32>, Vec<f32>, Vec<u32>) {
-        if self.moments.is_empty() {
-            let n = self.table.len();
-            return (vec![0.0; 2 * n], vec![0.0; 2 * n], vec![0; n]);
+        match config.features {
+            4 => Self::Four(Table::new(config, table)),
+            _ => Self::Two(Table::new(config, table)),
         }
-        let m = self.moments.iter().flat_map(|e| e.m).collect();
-        let v = self.moments.iter().flat_map(|e| e.v).collect();
-        (m, v, self.moments.iter().map(|e| e.updates).collect())
+    }
+
+    /// The table, `[entries, features]`.
+    pub fn table(&self) -> Vec<f32> {
+        of!(self, table => table.entries())
+    }
+
+    /// Numbers of an encoded position: features of all levels.
+    pub fn outputs(&self) -> usize {
+        of!(self, table => table.outputs())
+    }
+
+    /// Moments as flat arrays: first and second moments `[entries, features]`, and updates `[entries]`.
+    pub fn moments(&self) -> (Vec<f32>, Vec<f32>, Vec<u32>) {
+        of!(self, table => table.moments())
     }
 
     /// Sets the moments from arrays laid out as [`HashGrid::moments`] gives them; false if they do not fit.
     pub fn set_moments(&mut self, m: &[f32], v: &[f32], updates: &[u32]) -> bool {
-        let n = self.table.len();
-        if m.len() != 2 * n || v.len() != 2 * n || updates.len() != n {
-            return false;
-        }
-        let pairs = m.as_chunks::<2>().0.iter().zip(v.as_chunks::<2>().0).zip(updates);
-        self.moments = pairs.map(|((&m, &v), &updates)| EntryMoments { m, v, updates }).collect();
-        true
+        of!(self, table => table.set_moments(m, v, updates))
+    }
+
+    /// Encodes all tiles: `features` is `[tile][outputs][columns]`.
+    pub fn encode(&self, simd: Level, positions: TiledPositions<'_>, features: &mut [f32]) {
+        of!(self, table => table.encode(simd, positions, features));
+    }
+
+    /// What encoding so many samples takes, but for the time.
+    pub fn encode_cost(&self, samples: usize) -> StageCost {
+        of!(self, table => table.encode_cost(samples))
     }
 
     /// Takes one optimiser step along the gradients of all tiles. Entries that no sample touched keep their weights and
     /// moments, and cost nothing but a bit. Returns what scattering and optimising cost the threads together.
     pub fn step(&mut self, simd: Level, tiles: &[TileGradients<'_>], rate: f32, adam: &Adam) -> Costs {
-        let largest = self.largest;
-        self.moments.resize(self.table.len(), EntryMoments::default());
-        let mut tasks = Vec::with_capacity(self.levels.len());
-        let (mut table, mut moments) = (&mut self.table[..], &mut self.moments[..]);
-        for (l, level) in self.levels.iter().enumerate() {
-            let (t, rest_t) = table.split_at_mut(level.entries);
-            let (m, rest_m) = moments.split_at_mut(level.entries);
-            (table, moments) = (rest_t, rest_m);
-            tasks.push((l, level, t, m));
-        }
-        // The finest levels take longest, so they start first.
-        tasks.reverse();
-        let pool = &self.scratch;
-        let one = |(l, level, table, moments): (usize, &GridLevel, &mut [Entry], &mut [EntryMoments])| {
-            pool.with(
-                || LevelGradient::new(largest),
-                |gradient| {
-                    let mut clock = Clock::default();
-                    let samples = gradient.scatter(simd, (l, level), tiles);
-                    clock.lap(Stage::Scatter, 0);
-                    let touched = gradient.update(table, moments, rate, adam);
-                    clock.lap(Stage::OptimiseGrid, 2 * UPDATE_OPERATIONS * touched);
-                    let mut costs = *clock.costs();
-                    let updates = (CORNERS * samples) as f64;
-                    costs.of(Stage::Scatter).updates = updates;
-                    costs.of(Stage::Scatter).operations = OPERATIONS * updates;
-                    costs.of(Stage::OptimiseGrid).bytes = (touched * ENTRY_BYTES) as f64;
-                    costs
-                },
-            )
-        };
-        tasks.into_par_iter().with_max_len(1).map(one).reduce(Costs::default, Costs::plus)
+        of!(self, table => table.step(simd, tiles, rate, adam))
     }
 }
 
@@ -173,17 +131,17 @@ mod tests {
     const TILES: usize = 3;
     const SAMPLES: usize = TILES * COLUMNS;
 
-    /// Dense levels and hashed ones.
-    fn config() -> GridConfig {
+    /// Dense levels and hashed ones, for each number of features.
+    fn configs() -> [GridConfig; 2] {
         let config = GridConfig { levels: 5, features: 2, log2_table: 9, base: 3, finest: 40 };
         assert!(config.level_table().iter().any(|l| l.hashed));
         assert!(config.level_table().iter().any(|l| !l.hashed));
-        config
+        [config, GridConfig { features: 4, ..config }]
     }
 
     fn table(config: &GridConfig) -> Vec<f32> {
         let random = Random::new(5, 0);
-        (0..2 * config.entries() as u64).map(|i| random.uniform_at(i) - 0.5).collect()
+        (0..(config.features * config.entries()) as u64).map(|i| random.uniform_at(i) - 0.5).collect()
     }
 
     /// Samples that lie together in one cell of most levels.
@@ -226,12 +184,15 @@ mod tests {
 
     #[test]
     fn features_equal_the_reference() {
-        let config = config();
-        let (table, positions) = (table(&config), positions());
-        let grid = HashGrid::new(&config, &table);
+        configs().iter().for_each(features_equal);
+    }
+
+    fn features_equal(config: &GridConfig) {
+        let (table, positions) = (table(config), positions());
+        let grid = HashGrid::new(config, &table);
         let data = tiled(3, |sample, axis| positions[sample][axis]);
         let plain_table: Vec<f64> = table.iter().map(|&v| f64::from(v)).collect();
-        let plain = reference::HashGrid::new(&config);
+        let plain = reference::HashGrid::new(config);
         for level in levels() {
             let mut features = vec![f32::NAN; grid.outputs() * SAMPLES];
             grid.encode(level, TiledPositions { data: &data, columns: COLUMNS }, &mut features);
@@ -246,16 +207,20 @@ mod tests {
 
     #[test]
     fn a_step_updates_the_entries_that_samples_touched_and_no_others() {
-        let config = config();
-        let before = table(&config);
+        configs().iter().for_each(updates_what_is_touched);
+    }
+
+    fn updates_what_is_touched(config: &GridConfig) {
+        let features = config.features;
+        let before = table(config);
         let positions = positions();
-        let plain = reference::HashGrid::new(&config);
+        let plain = reference::HashGrid::new(config);
         let data = tiled(3, |sample, axis| positions[sample][axis]);
         let positions_tiled = TiledPositions { data: &data, columns: COLUMNS };
         let (random, rate, adam) = (Random::new(5, 2), 0.01, Adam::new(0.999));
-        let outputs = 2 * config.levels;
+        let outputs = config.outputs();
         for level in levels() {
-            let mut grid = HashGrid::new(&config, &before);
+            let mut grid = HashGrid::new(config, &before);
             let mut updates = vec![0u32; config.entries()];
             let mut expected: Vec<[f64; 3]> = before.iter().map(|&w| [f64::from(w), 0.0, 0.0]).collect();
             // Other samples each time: what one step leaves behind must not leak into the next. Those before the
@@ -278,13 +243,13 @@ mod tests {
                     let d_h: Vec<f64> = (0..outputs).map(|row| f64::from(value(sample, row))).collect();
                     plain.backward(unit(positions[sample]), &d_h, &mut gradient);
                 }
-                for (entry, g) in gradient.as_chunks::<2>().0.iter().enumerate() {
-                    if *g == [0.0; 2] {
+                for (entry, g) in gradient.chunks_exact(features).enumerate() {
+                    if g.iter().all(|&g| g == 0.0) {
                         continue;
                     }
                     updates[entry] += 1;
                     let n = updates[entry] as i32;
-                    for ([w, m, v], g) in expected[2 * entry..2 * entry + 2].iter_mut().zip(g) {
+                    for ([w, m, v], g) in expected[features * entry..][..features].iter_mut().zip(g) {
                         *m = 0.9 * *m + 0.1 * g;
                         *v = 0.999 * *v + 0.001 * g * g;
                         let (m, v) = (*m / (1.0 - 0.9f64.powi(n)), *v / (1.0 - 0.999f64.powi(n)));
@@ -292,13 +257,13 @@ mod tests {
                     }
                 }
             }
-            let (m, v, counted) = grid.moments();
+            let (weights, (m, v, counted)) = (grid.table(), grid.moments());
             assert_eq!(counted, updates, "{level:?}");
             let touched = updates.iter().filter(|&&n| n > 0).count();
             assert!(touched > 100 && touched < config.entries(), "{touched}");
             for (i, [plain_w, plain_m, plain_v]) in expected.into_iter().enumerate() {
-                let weight = grid.table.as_flattened()[i];
-                if updates[i / 2] == 0 {
+                let weight = weights[i];
+                if updates[i / features] == 0 {
                     assert_eq!((weight.to_bits(), m[i], v[i]), (before[i].to_bits(), 0.0, 0.0));
                     continue;
                 }
@@ -313,10 +278,13 @@ mod tests {
 
     #[test]
     fn moments_return_as_they_were_and_others_are_refused() {
-        let config = config();
-        let mut grid = HashGrid::new(&config, &table(&config));
+        configs().iter().for_each(moments_return);
+    }
+
+    fn moments_return(config: &GridConfig) {
+        let mut grid = HashGrid::new(config, &table(config));
         let n = config.entries();
-        let m: Vec<f32> = (0..2 * n).map(|i| i as f32).collect();
+        let m: Vec<f32> = (0..config.features * n).map(|i| i as f32).collect();
         let v: Vec<f32> = m.iter().map(|m| m + 0.5).collect();
         let updates: Vec<u32> = (0..n as u32).collect();
         assert!(grid.set_moments(&m, &v, &updates));

@@ -17,10 +17,10 @@ pub struct Limits {
     pub operations: f64,
     /// Bytes read and written one after another, in arrays larger than any cache.
     pub bytes: f64,
-    /// Entries of 8 bytes read in no order from one table; memory is asked ahead if that is faster, which it is for tables
-    /// that no cache holds.
+    /// Entries of a hash grid read in no order from one table; memory is asked ahead if that is faster, which it is for
+    /// tables that no cache holds.
     pub lookups: f64,
-    /// Entries of 8 bytes added to in no order, in a table for each thread, likewise.
+    /// Entries added to in no order, in a table for each thread, likewise.
     pub updates: f64,
 }
 
@@ -32,10 +32,11 @@ const STREAM_BYTES: usize = 64 << 20;
 const CHUNK: usize = 1 << 16;
 
 impl Limits {
-    /// Measures this machine for a table of `read` entries and tables of `written` entries, both a power of two.
-    pub fn measure(read: usize, written: usize) -> Self {
+    /// Measures this machine for a table of `read` entries and tables of `written` entries, both a power of two, of `F` numbers
+    /// each.
+    pub fn measure<const F: usize>(read: usize, written: usize) -> Self {
         let level = Level::new();
-        let table = vec![[1f32; 2]; read];
+        let table = vec![[1f32; F]; read];
         Self {
             operations: on_all_threads(|_| 0.1, |x| multiply_adds(level, x, CHUNK)),
             bytes: on_all_threads(
@@ -46,8 +47,8 @@ impl Limits {
                     2 * STREAM_BYTES
                 },
             ),
-            lookups: lookups::<64, true>(&table).max(lookups::<8, false>(&table)),
-            updates: updates::<64, true>(written).max(updates::<8, false>(written)),
+            lookups: lookups::<F, 64, true>(&table).max(lookups::<F, 8, false>(&table)),
+            updates: updates::<F, 64, true>(written).max(updates::<F, 8, false>(written)),
         }
     }
 }
@@ -91,19 +92,19 @@ fn multiply_adds_simd<S: Simd>(simd: S, x: &mut f32, rounds: usize) -> usize {
 
 /// Lookups a second in a table, by `N` sequences side by side in each thread; memory is asked for their next entries while those
 /// before are used if `ASK`.
-fn lookups<const N: usize, const ASK: bool>(table: &[[f32; 2]]) -> f64 {
+fn lookups<const F: usize, const N: usize, const ASK: bool>(table: &[[f32; F]]) -> f64 {
     on_all_threads(jumps::<N>, |jumps| {
-        black_box(gather::<N, ASK>(table, jumps, CHUNK));
+        black_box(gather::<F, N, ASK>(table, jumps, CHUNK));
         CHUNK
     })
 }
 
 /// Updates a second in tables of so many entries, likewise.
-fn updates<const N: usize, const ASK: bool>(entries: usize) -> f64 {
+fn updates<const F: usize, const N: usize, const ASK: bool>(entries: usize) -> f64 {
     on_all_threads(
-        |thread| (vec![[1f32; 2]; entries], jumps::<N>(thread)),
+        |thread| (vec![[1f32; F]; entries], jumps::<N>(thread)),
         |(table, jumps)| {
-            scatter::<N, ASK>(black_box(table), jumps, CHUNK);
+            scatter::<F, N, ASK>(black_box(table), jumps, CHUNK);
             CHUNK
         },
     )
@@ -119,7 +120,7 @@ fn jumps<const N: usize>(thread: u32) -> Jumps<N> {
 
 /// The next indices, in a table whose size is a power of two; memory is asked for them if `ASK`.
 #[inline(always)]
-fn jump<const N: usize, const ASK: bool>(jumps: &mut Jumps<N>, table: &[[f32; 2]]) -> [usize; N] {
+fn jump<E, const N: usize, const ASK: bool>(jumps: &mut Jumps<N>, table: &[E]) -> [usize; N] {
     let mut indices = [0; N];
     for (state, index) in jumps.iter_mut().zip(&mut indices) {
         *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -132,30 +133,36 @@ fn jump<const N: usize, const ASK: bool>(jumps: &mut Jumps<N>, table: &[[f32; 2]
 }
 
 /// Sum of about `n` entries of a table whose size is a power of two, read in no order.
-fn gather<const N: usize, const ASK: bool>(table: &[[f32; 2]], jumps: &mut Jumps<N>, n: usize) -> [f32; 2] {
-    let (mut sums, mut next) = ([[0f32; 2]; 8], jump::<N, ASK>(jumps, table));
+fn gather<const F: usize, const N: usize, const ASK: bool>(
+    table: &[[f32; F]],
+    jumps: &mut Jumps<N>,
+    n: usize,
+) -> [f32; F] {
+    let (mut sums, mut next) = ([[0f32; F]; 8], jump::<_, N, ASK>(jumps, table));
     for _ in 0..n / N {
         let here = next;
-        next = jump::<N, ASK>(jumps, table);
+        next = jump::<_, N, ASK>(jumps, table);
         for indices in here.chunks_exact(8) {
             for (&index, sum) in indices.iter().zip(&mut sums) {
-                sum[0] += table[index][0];
-                sum[1] += table[index][1];
+                sum.iter_mut().zip(table[index]).for_each(|(sum, value)| *sum += value);
             }
         }
     }
-    [0, 1].map(|f| sums.iter().map(|sum| sum[f]).sum())
+    std::array::from_fn(|f| sums.iter().map(|sum| sum[f]).sum())
 }
 
 /// Adds to about `n` entries of a table whose size is a power of two, in no order.
-fn scatter<const N: usize, const ASK: bool>(table: &mut [[f32; 2]], jumps: &mut Jumps<N>, n: usize) {
-    let mut next = jump::<N, ASK>(jumps, table);
+fn scatter<const F: usize, const N: usize, const ASK: bool>(
+    table: &mut [[f32; F]],
+    jumps: &mut Jumps<N>,
+    n: usize,
+) {
+    let mut next = jump::<_, N, ASK>(jumps, table);
     for _ in 0..n / N {
         let here = next;
-        next = jump::<N, ASK>(jumps, table);
+        next = jump::<_, N, ASK>(jumps, table);
         for index in here {
-            table[index][0] += 0.5;
-            table[index][1] += 0.25;
+            table[index].iter_mut().for_each(|value| *value += 0.25);
         }
     }
 }
@@ -167,19 +174,19 @@ mod tests {
     #[test]
     fn lookups_and_updates_reach_the_whole_table() {
         let mut table = vec![[0f32; 2]; 1 << 10];
-        scatter::<64, true>(&mut table, &mut jumps(0), 1 << 14);
-        assert!(table.iter().all(|entry| entry[0] > 0.0));
+        scatter::<2, 64, true>(&mut table, &mut jumps(0), 1 << 14);
+        assert!(table.iter().all(|entry| entry[0] > 1.0));
         let total: f32 = table.iter().map(|entry| entry[1]).sum();
         assert_eq!(total, 0.25 * (1 << 14) as f32);
         let ones = vec![[1f32, 2.0]; 1 << 10];
-        assert_eq!(gather::<64, true>(&ones, &mut jumps(1), 640), [640.0, 1280.0]);
-        assert_eq!(gather::<8, false>(&ones, &mut jumps(1), 640), [640.0, 1280.0]);
+        assert_eq!(gather::<2, 64, true>(&ones, &mut jumps(1), 640), [640.0, 1280.0]);
+        assert_eq!(gather::<2, 8, false>(&ones, &mut jumps(1), 640), [640.0, 1280.0]);
         assert_ne!(jumps::<8>(0), jumps(1), "threads go ways of their own");
     }
 
     #[test]
     fn every_rate_is_measured() {
-        let limits = Limits::measure(1 << 12, 1 << 10);
+        let limits = Limits::measure::<4>(1 << 12, 1 << 10);
         for rate in [limits.operations, limits.bytes, limits.lookups, limits.updates] {
             assert!(rate.is_finite() && rate > 0.0, "{limits:?}");
         }

@@ -24,7 +24,7 @@ const TABLE_INIT: f32 = 1e-4;
 pub struct GridConfig {
     /// Number of levels.
     pub levels: usize,
-    /// Features an entry; only 2 is supported.
+    /// Features an entry: 2 or 4.
     pub features: usize,
     /// Base-2 logarithm of the largest number of entries a level.
     pub log2_table: u32,
@@ -60,8 +60,8 @@ impl GridConfig {
     /// # Errors
     /// [`ParameterError::Config`] naming the number that is out of range.
     pub fn validate(&self) -> Result<(), ParameterError> {
-        let fault = if self.features != 2 {
-            format!("grid.features is {}; only 2 is supported", self.features)
+        let fault = if ![2, 4].contains(&self.features) {
+            format!("grid.features is {}; it must be 2 or 4", self.features)
         } else if !(1..=MAX_LEVELS).contains(&self.levels) {
             format!("grid.levels is {}; it must be 1 to {MAX_LEVELS}", self.levels)
         } else if !(1..=MAX_LOG2_TABLE).contains(&self.log2_table) {

@@ -7,9 +7,13 @@ use relight_scene::{Bounds, Camera};
 const CELLS_A_PIXEL: f64 = 2.0;
 /// Base-2 logarithms of the coarsest and finest resolution taken: the latter is torch-ngp's.
 const RESOLUTIONS: [u32; 2] = [8, 11];
+/// Numbers of an encoded position, as many as torch-ngp's: 8 levels of four features instead of 16 of two, whose lookups are half as many.
+const LEVELS: usize = 8;
+/// Features an entry.
+const FEATURES: usize = 4;
 /// Doubling the resolution makes four times as many cells of a surface, half of which find room in twice the table:
-/// 2^19 entries at 2048 cells, as torch-ngp has.
-const TABLE: u32 = 8;
+/// 2^20 entries at 2048 cells, twice those of torch-ngp, since a level stands for two of its.
+const TABLE: u32 = 9;
 
 /// A grid for a field in the box `bounds`: as fine as the pixels of most cameras are there, and no finer, since every
 /// level and every entry costs time. Where nothing can be told, torch-ngp's.
@@ -28,7 +32,13 @@ pub fn fitting_grid(cameras: &[Camera], bounds: &Bounds) -> GridConfig {
     let Some(width) = widths.get(widths.len() / 2) else { return GridConfig::default() };
     let cells = CELLS_A_PIXEL * f64::from(bounds.longest_edge()) / width;
     let resolution = (cells.log2().round().max(0.0) as u32).clamp(RESOLUTIONS[0], RESOLUTIONS[1]);
-    GridConfig { base: 8, finest: 1 << resolution, log2_table: resolution + TABLE, ..GridConfig::default() }
+    GridConfig {
+        levels: LEVELS,
+        features: FEATURES,
+        log2_table: resolution + TABLE,
+        base: 8,
+        finest: 1 << resolution,
+    }
 }
 
 #[cfg(test)]
@@ -59,11 +69,11 @@ mod tests {
             grid.validate().unwrap();
             (grid.finest, grid.log2_table, grid.outputs())
         };
-        assert_eq!(sizes(500.0), (1024, 18, 32));
-        assert_eq!(sizes(250.0), (512, 17, 32));
-        assert_eq!(sizes(10.0), (256, 16, 32));
-        assert_eq!(sizes(1000.0), (2048, 19, 32));
-        assert_eq!(sizes(1e9), (2048, 19, 32));
+        assert_eq!(sizes(500.0), (1024, 19, 32));
+        assert_eq!(sizes(250.0), (512, 18, 32));
+        assert_eq!(sizes(10.0), (256, 17, 32));
+        assert_eq!(sizes(1000.0), (2048, 20, 32));
+        assert_eq!(sizes(1e9), (2048, 20, 32));
         // Twice the box at the same distance: twice the cells.
         assert_eq!(grid(1.2, 250.0).finest, 1024);
         assert_eq!(grid(0.6, f64::NAN), GridConfig::default());

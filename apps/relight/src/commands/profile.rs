@@ -97,7 +97,11 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let bounds = field.bounds;
     // A step reads the tables of all levels, and adds to those of one after another.
     let level = 1 << field.grid.log2_table;
-    let limits = Limits::measure(field.grid.entries().next_power_of_two(), level);
+    let entries = field.grid.entries().next_power_of_two();
+    let limits = match field.grid.features {
+        4 => Limits::measure::<4>(entries, level),
+        _ => Limits::measure::<2>(entries, level),
+    };
     let recipe = &config.recipe;
     let mut engine = engines::create(Device::Cpu, &Parameters::init(field, 0)?, config.engine())?;
     if let Some(prior) = &data.depths {

@@ -4,7 +4,8 @@ use fearless_simd::{Level, Simd, dispatch};
 use relight_field::parameters::Level as GridLevel;
 
 use super::corners::{Corners, GROUP};
-use super::{CORNERS, Entry, EntryMoments, TileGradients};
+use super::table::EntryMoments;
+use super::{CORNERS, TileGradients};
 use crate::adam::Adam;
 use crate::prefetch::ask;
 
@@ -12,19 +13,19 @@ use crate::prefetch::ask;
 const UPDATES_AHEAD: usize = 16;
 
 /// Gradient of one level, and which entries have some; all zero between levels.
-pub struct LevelGradient {
-    gradient: Vec<Entry>,
+pub struct LevelGradient<const F: usize> {
+    gradient: Vec<[f32; F]>,
     /// A bit for each entry.
     touched: Vec<u64>,
     /// The entries whose bits are set, ascending.
     list: Vec<u32>,
 }
 
-impl LevelGradient {
+impl<const F: usize> LevelGradient<F> {
     /// Zero gradient of up to `entries` entries.
     pub fn new(entries: usize) -> Self {
         let touched = vec![0; entries.div_ceil(64)];
-        Self { gradient: vec![[0.0; 2]; entries], touched, list: Vec::new() }
+        Self { gradient: vec![[0.0; F]; entries], touched, list: Vec::new() }
     }
 
     /// Adds what the samples of all tiles say of level `l`. Returns how many samples had any gradient.
@@ -35,7 +36,7 @@ impl LevelGradient {
         tiles: &[TileGradients<'_>],
     ) -> usize {
         let one = |&TileGradients { positions, gradients, columns }: &TileGradients<'_>| {
-            let rows = &gradients[2 * l * columns..(2 * l + 2) * columns];
+            let rows = &gradients[F * l * columns..(F * l + F) * columns];
             dispatch!(simd, simd => self.scatter_tile(simd, level, positions, rows, columns))
         };
         tiles.iter().map(one).sum()
@@ -54,8 +55,8 @@ impl LevelGradient {
             #[inline(always)]
             || {
                 let (gradient, mut samples) = (&mut self.gradient[..level.entries], 0);
-                let (row0, row1) = rows.split_at(columns);
-                let learns = |c: usize| row0[c] != 0.0 || row1[c] != 0.0;
+                let rows: [&[f32]; F] = std::array::from_fn(|f| &rows[f * columns..(f + 1) * columns]);
+                let learns = |c: usize| rows.iter().any(|row| row[c] != 0.0);
                 let (mut here, mut next) = (&mut Corners::default(), &mut Corners::default());
                 next.surround(simd, level, positions, columns, 0);
                 next.ask(gradient, learns);
@@ -66,12 +67,14 @@ impl LevelGradient {
                     next.ask(gradient, |i| learns(after + i));
                     for i in (0..GROUP).filter(|i| learns(c + i)) {
                         samples += 1;
+                        let values = rows.map(|row| row[c + i]);
                         for corner in 0..CORNERS {
                             let index = here.index[corner][i] as usize;
                             let weight = here.weight[corner][i];
                             let entry = &mut gradient[index];
-                            entry[0] = row0[c + i].mul_add(weight, entry[0]);
-                            entry[1] = row1[c + i].mul_add(weight, entry[1]);
+                            for (sum, value) in entry.iter_mut().zip(values) {
+                                *sum = value.mul_add(weight, *sum);
+                            }
                             self.touched[index / 64] |= 1 << (index % 64);
                         }
                     }
@@ -85,8 +88,9 @@ impl LevelGradient {
     /// were.
     pub fn update(
         &mut self,
-        table: &mut [Entry],
-        moments: &mut [EntryMoments],
+        simd: Level,
+        table: &mut [[f32; F]],
+        moments: &mut [EntryMoments<F>],
         rate: f32,
         adam: &Adam,
     ) -> usize {
@@ -98,20 +102,25 @@ impl LevelGradient {
                 bits &= bits - 1;
             }
         }
-        for (i, &index) in self.list.iter().enumerate() {
-            if let Some(&later) = self.list.get(i + UPDATES_AHEAD) {
-                ask(moments, later as usize);
-                ask(table, later as usize);
+        dispatch!(simd, simd => simd.vectorize(
+            #[inline(always)]
+            || {
+                for (i, &index) in self.list.iter().enumerate() {
+                    if let Some(&later) = self.list.get(i + UPDATES_AHEAD) {
+                        ask(moments, later as usize);
+                        ask(table, later as usize);
+                    }
+                    let index = index as usize;
+                    let g = std::mem::replace(&mut self.gradient[index], [0.0; F]);
+                    let (entry, state) = (&mut table[index], &mut moments[index]);
+                    state.updates = state.updates.saturating_add(1);
+                    let c = adam.corrections(state.updates);
+                    for f in 0..F {
+                        adam.update(&mut entry[f], [&mut state.m[f], &mut state.v[f]], g[f], rate, c);
+                    }
+                }
             }
-            let index = index as usize;
-            let g = std::mem::take(&mut self.gradient[index]);
-            let (entry, state) = (&mut table[index], &mut moments[index]);
-            state.updates = state.updates.saturating_add(1);
-            let c = adam.corrections(state.updates);
-            for f in 0..2 {
-                adam.update(&mut entry[f], [&mut state.m[f], &mut state.v[f]], g[f], rate, c);
-            }
-        }
+        ));
         self.list.len()
     }
 }

@@ -43,7 +43,7 @@ fn impossible_configurations_are_refused_by_name() {
         assert!(message.contains(name), "{message}");
     };
     refuse(|c| c.grid.levels = 0, "grid.levels");
-    refuse(|c| c.grid.features = 4, "grid.features");
+    refuse(|c| c.grid.features = 3, "grid.features");
     refuse(|c| c.grid.log2_table = 64, "grid.log2_table");
     refuse(|c| c.grid.base = 0, "grid.base");
     refuse(|c| c.grid.finest = 2, "grid.finest");
