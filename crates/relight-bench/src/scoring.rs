@@ -130,7 +130,7 @@ fn show(
 /// How much of the light arrives, as the field has it.
 fn visibility(scene: &Scene, frame: &Frame, engine: &dyn Engine) -> Result<Image, BenchError> {
     let (camera, light) = (&scene.cameras[frame.camera], &scene.lights[frame.light]);
-    let (settings, outputs) = (RenderSettings { samples: None }, Map::Visibility.outputs());
+    let (settings, outputs) = (RenderSettings::default(), Map::Visibility.outputs());
     let progress = &mut |_: usize, _: usize| ControlFlow::Continue(());
     let picture =
         render(engine, &camera.intrinsics, &camera.pose, &light.pose, outputs, &settings, progress)?;

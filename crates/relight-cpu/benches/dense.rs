@@ -1,7 +1,7 @@
 //! The two products that networks are made of, against the machine's peak.
 use divan::counter::ItemsCount;
 use fearless_simd::Level;
-use relight_cpu::dense::{Matrix, MatrixMut, Store, accumulate_outer, multiply};
+use relight_cpu::dense::{FixedPoint, Matrix, MatrixMut, Store, accumulate_outer, multiply};
 
 const COLUMNS: usize = 192;
 const FLOPS: usize = 2 * 64 * 64 * COLUMNS;
@@ -14,7 +14,18 @@ fn main() {
 fn layer(bencher: divan::Bencher<'_, '_>) {
     let (a, x) = (vec![0.5f32; 64 * 64], vec![0.25f32; 64 * COLUMNS]);
     let mut y = vec![0.0f32; 64 * COLUMNS];
-    let (level, a) = (Level::new(), Matrix { data: &a, stride: 64, first: 0 });
+    let (level, a) = (Level::new(), Matrix { data: &a, stride: 64, first: 0, fixed: None });
+    bencher
+        .counter(ItemsCount::new(FLOPS))
+        .bench_local(|| multiply(level, a, &x, &mut y, (64, 64, COLUMNS), None, Store::Rectified));
+}
+
+/// The same in fixed point of 16 bits, where the processor has that.
+#[divan::bench]
+fn layer_in_fixed_point(bencher: divan::Bencher<'_, '_>) {
+    let (a, x) = (vec![0.5f32; 64 * 64], vec![0.25f32; 64 * COLUMNS]);
+    let (mut y, fixed) = (vec![0.0f32; 64 * COLUMNS], FixedPoint::new(&a, 64));
+    let (level, a) = (Level::new(), Matrix { data: &a, stride: 64, first: 0, fixed: Some(&fixed) });
     bencher
         .counter(ItemsCount::new(FLOPS))
         .bench_local(|| multiply(level, a, &x, &mut y, (64, 64, COLUMNS), None, Store::Rectified));

@@ -5,11 +5,13 @@
 //! matrix with a wide one. Two products are all that a network needs: [`multiply`] (forward and input gradient) and
 //! [`accumulate_outer`] (weight gradient). Both keep a block of results in registers while they run over the sum.
 
+mod fixed_point;
 mod outer;
 mod turns;
 
 use fearless_simd::{Level, Simd, dispatch, prelude::*};
 
+pub use fixed_point::{FixedPoint, MOST_INPUTS};
 pub use outer::{MatrixMut, accumulate_outer};
 pub use turns::{Base, add_turns, repeat_rows};
 
@@ -18,6 +20,9 @@ pub const COLUMN_ALIGN: usize = 16;
 
 /// Vectors of columns that one register block of [`multiply`] spans.
 const BLOCK_VECTORS: usize = 3;
+
+/// Inputs and outputs from which on a layer is faster in fixed point: columns have to be packed for it.
+const WORTH_PACKING: usize = 16;
 
 /// Rounds a number of columns up to [`COLUMN_ALIGN`].
 pub const fn padded(columns: usize) -> usize {
@@ -45,6 +50,8 @@ pub struct Matrix<'a> {
     pub stride: usize,
     /// First column in use.
     pub first: usize,
+    /// The same in fixed point, to be multiplied so where the processor can.
+    pub fixed: Option<&'a FixedPoint>,
 }
 
 /// `y[m][c] = base[m][c % period] + sum_k a[k][m] * x[k][c]` for `outputs` rows `m` and `columns` columns `c`; without a base,
@@ -65,6 +72,13 @@ pub fn multiply(
     debug_assert!(columns.is_multiple_of(COLUMN_ALIGN) && a.first + outputs <= a.stride);
     let a = Matrix { data: &a.data[..inputs * a.stride], ..a };
     let (x, y) = (&x[..inputs * columns], &mut y[..outputs * columns]);
+    #[cfg(target_arch = "x86_64")]
+    if let (Some(fixed), Some(simd)) = (a.fixed, level.as_avx512())
+        && outputs.min(inputs) >= WORTH_PACKING
+    {
+        let shape = (inputs, outputs, columns);
+        return fixed_point::multiply(simd, (fixed, a.first), x, y, shape, base, store);
+    }
     dispatch!(level, simd => multiply_simd(simd, a, x, y, outputs, columns, base, store));
 }
 
@@ -154,37 +168,44 @@ fn multiply_block<S: Simd, const M: usize, const V: usize>(
             }
         }
     }
-    let start = m * columns + c;
-    let y = &mut y[start..];
     // Nothing else here, so that the compiler writes all stores out and keeps the sums in registers from first to last.
+    let block = &mut y[m * columns + c..];
     for i in 0..M {
         for j in 0..V {
-            sum[i][j].store_slice(&mut y[i * columns + j * lanes..][..lanes]);
+            sum[i][j].store_slice(&mut block[i * columns + j * lanes..][..lanes]);
         }
     }
     if base.is_none() && matches!(store, Store::Set) {
         return;
     }
-    let zero = S::f32s::splat(simd, 0.0);
-    let turned: [usize; V] = std::array::from_fn(|j| base.map_or(0, |base| (c + j * lanes) % base.period));
+    let turned: [usize; V] = std::array::from_fn(|j| base.map_or(0, |base| base.turned(c + j * lanes)));
     for i in 0..M {
         for (j, &turned) in turned.iter().enumerate() {
-            let at = i * columns + j * lanes;
-            let y = &mut y[at..at + lanes];
-            let mut value = S::f32s::from_slice(simd, y);
-            if let Some(base) = base {
-                let first = (m + i) * Base::stride(base.period) + turned;
-                value += S::f32s::from_slice(simd, &base.data[first..first + lanes]);
-            }
-            let value = match store {
-                Store::Set => value,
-                Store::Rectified => value.max(zero),
-                Store::WherePositive(activation) => {
-                    let activation = &activation[start + at..start + at + lanes];
-                    S::f32s::from_slice(simd, activation).simd_gt(zero).select(value, zero)
-                }
-            };
-            value.store_slice(y);
+            let at = (m + i) * columns + c + j * lanes;
+            let product = S::f32s::from_slice(simd, &y[at..at + lanes]);
+            let base = base.map(|base| base.vector(simd, m + i, turned));
+            finished(simd, product, base, store, at).store_slice(&mut y[at..at + lanes]);
+        }
+    }
+}
+
+/// A vector of the product as it is to be stored from number `at` of the result on.
+#[inline(always)]
+fn finished<S: Simd>(
+    simd: S,
+    product: S::f32s,
+    base: Option<S::f32s>,
+    store: Store<'_>,
+    at: usize,
+) -> S::f32s {
+    let zero = S::f32s::splat(simd, 0.0);
+    let value = base.map_or(product, |base| product + base);
+    match store {
+        Store::Set => value,
+        Store::Rectified => value.max(zero),
+        Store::WherePositive(activation) => {
+            let activation = S::f32s::from_slice(simd, &activation[at..at + S::f32s::LEN]);
+            activation.simd_gt(zero).select(value, zero)
         }
     }
 }
@@ -234,7 +255,7 @@ pub(crate) mod tests {
             let stores = [Store::Set, Store::Rectified, Store::WherePositive(&mask)];
             let cases = stores.into_iter().flat_map(|s| bases.map(|b| (s, b)));
             for ((store, base), level) in cases.flat_map(|c| levels().into_iter().map(move |l| (c, l))) {
-                let matrix = Matrix { data: &a, stride, first };
+                let matrix = Matrix { data: &a, stride, first, fixed: None };
                 let shape = (inputs, outputs, columns);
                 let repeated = base.map(|i| Base { data: &repeated[i], period: periods[i] });
                 multiply(level, matrix, &x, &mut y, shape, repeated, store);

@@ -3,11 +3,13 @@
 mod lane;
 mod step;
 
+use std::sync::OnceLock;
+
 use fearless_simd::Level;
 use relight_field::architecture::LightInput;
 use relight_field::encoding::fourier;
 use relight_field::engine::{
-    Engine, EngineError, EngineState, FieldValues, LightPose, Outputs, Points, RayBatch, Rays,
+    Engine, EngineError, EngineState, FieldValues, LightPose, Outputs, Points, Precision, RayBatch, Rays,
     RenderSettings, Samples, StageCost, StepSettings, StepStats,
 };
 use relight_field::parameters::{FieldConfig, Parameters};
@@ -44,6 +46,8 @@ pub struct CpuEngine {
     cube: UnitCube,
     pub(crate) grid: HashGrid,
     networks: Networks,
+    /// They in fixed point, made anew for the first picture after they have learnt.
+    drawn: OnceLock<Networks>,
     moments: [Moments; 3],
     adam: Adam,
     density: DensityGrid,
@@ -82,6 +86,7 @@ impl CpuEngine {
             grid: HashGrid::new(&field.grid, &parameters.table),
             moments: networks.moments(config.optimiser),
             networks,
+            drawn: OnceLock::new(),
             adam: Adam::new(config.beta2),
             density: DensityGrid::uniform(&field.bounds, DENSITY_RESOLUTION, field.density_scale),
             experience: Experience::default(),
@@ -131,6 +136,7 @@ impl CpuEngine {
 impl Engine for CpuEngine {
     fn train_step(&mut self, batch: &RayBatch, settings: &StepSettings) -> Result<StepStats, EngineError> {
         // From outside the pool, every part of the step that is shared out would have to be waited for asleep.
+        self.drawn.take();
         rayon::scope(|_| self.step(batch, settings))
     }
 
@@ -171,8 +177,12 @@ impl Engine for CpuEngine {
         outputs: Outputs,
         settings: &RenderSettings,
     ) -> Result<Samples, EngineError> {
+        let networks = match settings.precision {
+            Precision::I16 => self.drawn.get_or_init(|| self.networks.in_fixed_point()),
+            Precision::F32 => &self.networks,
+        };
         crate::draw::draw(
-            &self.marcher(),
+            &Marcher { networks, ..self.marcher() },
             &self.drawing,
             self.sampling_for(settings),
             self.config.shading,

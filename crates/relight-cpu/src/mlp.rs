@@ -11,7 +11,8 @@ use relight_field::parameters::{Layer, Network};
 
 use crate::aligned::Aligned;
 use crate::dense::{
-    Base, Matrix, MatrixMut, Store, accumulate_outer, add_turns, multiply, padded, repeat_rows,
+    Base, FixedPoint, MOST_INPUTS, Matrix, MatrixMut, Store, accumulate_outer, add_turns, multiply, padded,
+    repeat_rows,
 };
 
 /// Weights in the two layouts that the products want.
@@ -21,6 +22,8 @@ pub struct Mlp {
     own: Vec<Range<usize>>,
     /// `[inputs][outputs]` of every layer, first of its own inputs, then of the shared ones.
     transposed: Vec<Vec<f32>>,
+    /// `transposed` of own inputs once more in fixed point, to go forward by; `None` for layers that go by single precision.
+    fixed: Vec<Option<FixedPoint>>,
 }
 
 /// Activations and gradients of one tile, reused from tile to tile. Column `c` belongs to point `c % points`.
@@ -75,11 +78,23 @@ impl Mlp {
     /// layers beyond their predecessor's outputs.
     pub fn new(network: &Network, own: Range<usize>) -> Self {
         let layers = network.layers.clone();
-        let own =
+        let own: Vec<_> =
             std::iter::once(own).chain(layers.iter().map(|l| 0..l.outputs)).take(layers.len()).collect();
-        let mut mlp = Self { layers, own, transposed: Vec::new() };
+        let fixed = layers.iter().map(|_| None).collect();
+        let mut mlp = Self { layers, own, transposed: Vec::new(), fixed };
         mlp.refresh();
         mlp
+    }
+
+    /// The same network, to go forward in fixed point.
+    pub fn in_fixed_point(&self) -> Self {
+        let layers = self.layers.iter().zip(&self.own).zip(&self.transposed);
+        let fixed = layers.map(|((layer, own), weights)| {
+            let own_weights = &weights[..own.len() * layer.outputs];
+            (own.len() <= MOST_INPUTS).then(|| FixedPoint::new(own_weights, layer.outputs))
+        });
+        let (layers, own, transposed) = (self.layers.clone(), self.own.clone(), self.transposed.clone());
+        Self { fixed: fixed.collect(), layers, own, transposed }
     }
 
     /// The weights.
@@ -191,7 +206,7 @@ impl Mlp {
         outputs: &mut [f32],
     ) {
         if let (Some(layer), Some(data)) = (self.layers.last(), self.transposed.last()) {
-            let a = Matrix { data, stride: layer.outputs, first: rows.start };
+            let a = Matrix { data, stride: layer.outputs, first: rows.start, fixed: None };
             let shape = (layer.inputs, rows.len(), columns);
             multiply(level, a, hidden, outputs, shape, None, Store::Set);
         }
@@ -204,12 +219,12 @@ impl Mlp {
         for (i, (layer, (own, a))) in self.layers.iter().zip(weights).enumerate().take(layers) {
             let (before, after) = tape.values.split_at_mut(i + 1);
             let (own_a, shared_a) = a.split_at(own.len() * layer.outputs);
-            let matrix = |data| Matrix { data, stride: layer.outputs, first: 0 };
+            let matrix = |data, fixed| Matrix { data, stride: layer.outputs, first: 0, fixed };
             let shared = layer.inputs - own.len();
             let base = if shared > 0 {
                 let (x, y) = (&tape.shared[i], &mut tape.of_points);
                 let shape = (shared, layer.outputs, padded(points));
-                multiply(level, matrix(shared_a), x, y, shape, None, Store::Set);
+                multiply(level, matrix(shared_a, None), x, y, shape, None, Store::Set);
                 repeat_rows(&y[..shape.1 * shape.2], points, &mut tape.repeated);
                 Some(Base { data: &tape.repeated, period: points })
             } else {
@@ -217,7 +232,15 @@ impl Mlp {
             };
             let store = if i + 1 < self.layers.len() { Store::Rectified } else { Store::Set };
             let shape = (own.len(), layer.outputs, columns);
-            multiply(level, matrix(own_a), &before[i], &mut after[0], shape, base, store);
+            multiply(
+                level,
+                matrix(own_a, self.fixed[i].as_ref()),
+                &before[i],
+                &mut after[0],
+                shape,
+                base,
+                store,
+            );
         }
     }
 
@@ -288,7 +311,7 @@ impl Part<'_> {
             return;
         }
         let span = (wanted.start - inputs.start) * columns..(wanted.end - inputs.start) * columns;
-        let a = Matrix { data: &layer.weight, stride: layer.inputs, first: wanted.start };
+        let a = Matrix { data: &layer.weight, stride: layer.inputs, first: wanted.start, fixed: None };
         let shape = (layer.outputs, wanted.len(), *columns);
         multiply(*level, a, dy, &mut dx[span.clone()], shape, None, store(&x[span]));
     }

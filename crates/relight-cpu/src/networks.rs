@@ -87,6 +87,16 @@ impl Networks {
         }
     }
 
+    /// The same for pictures, multiplied in fixed point.
+    pub fn in_fixed_point(&self) -> Self {
+        Self {
+            geo: self.geo.in_fixed_point(),
+            rgb: self.rgb.in_fixed_point(),
+            vis: self.vis.as_ref().map(Mlp::in_fixed_point),
+            ..*self
+        }
+    }
+
     /// Zero gradients.
     pub fn gradients(&self) -> Gradients {
         Gradients {

@@ -133,10 +133,24 @@ pub struct Outputs {
 }
 
 /// How a picture is made.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RenderSettings {
     /// Samples a ray; `None` for the engine's own choice.
     pub samples: Option<usize>,
+    /// What networks are multiplied in.
+    pub precision: Precision,
+}
+
+/// What networks are multiplied in when a picture is made. Training is in single precision.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Precision {
+    /// Fixed point of 16 bits with sums of 32, in engines whose processor has instructions for it and layers that are large enough;
+    /// else single precision. Of an activation 12 bits and a sign are kept, relative to the largest of its sample; of a weight
+    /// as many, relative to the largest of its output.
+    #[default]
+    I16,
+    /// Single precision.
+    F32,
 }
 
 /// Results a ray, in the order of the rays.

@@ -27,7 +27,7 @@ fn frames(count: usize, width: u32, height: u32) -> Vec<Image> {
     (0..count)
         .map(|i| {
             let light = looking(0.5, i as f64 * 0.2, 0.6);
-            let settings = RenderSettings { samples: None };
+            let settings = RenderSettings::default();
             let progress = &mut |_, _| ControlFlow::Continue(());
             let (lens, camera) = (lens(width, height), looking(0.9, 0.3, 0.5));
             let picture =

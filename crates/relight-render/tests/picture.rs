@@ -8,11 +8,11 @@ use std::ops::ControlFlow;
 
 use common::{Ball, RADIUS, lens, looking};
 use proptest::prelude::*;
-use relight_field::engine::{Engine, LightPose, Outputs, RenderSettings};
+use relight_field::engine::{Engine, LightPose, Outputs, Precision, RenderSettings};
 use relight_render::{Map, Picture, RenderError, camera_rays, render, write_picture};
 use relight_scene::{Intrinsics, Pose, read_image};
 
-const SETTINGS: RenderSettings = RenderSettings { samples: None };
+const SETTINGS: RenderSettings = RenderSettings { samples: None, precision: Precision::I16 };
 const EVERYTHING: Outputs = Outputs { visibility: true, reflectance: true };
 
 fn ball_picture(width: u32, height: u32) -> Picture {

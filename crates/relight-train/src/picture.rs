@@ -13,7 +13,7 @@ pub(crate) fn draw(
     pose: &Pose,
     light: &Pose,
 ) -> Result<Image, RenderError> {
-    let settings = RenderSettings { samples: None };
+    let settings = RenderSettings::default();
     let progress = &mut |_: usize, _: usize| ControlFlow::Continue(());
     render(engine, camera, pose, light, Outputs::default(), &settings, progress)?.image(Map::Final, None)
 }

@@ -186,7 +186,7 @@ fn draw_film(
             &shot.camera,
             &shot.light,
             Outputs::default(),
-            &RenderSettings { samples: None },
+            &RenderSettings::default(),
             &mut |_, _| unless(cancel),
         )?;
         film.push(&picture.image(Map::Final, None)?)?;
@@ -287,7 +287,7 @@ fn maps(told: &Told<'_>, frame: usize) -> anyhow::Result<Vec<(Vec<u8>, String)>>
         &camera.pose,
         &light.pose,
         Outputs { visibility: true, reflectance: true },
-        &RenderSettings { samples: None },
+        &RenderSettings::default(),
         &mut |_, _| ControlFlow::Continue(()),
     )?;
     let captions = [

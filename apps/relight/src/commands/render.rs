@@ -154,7 +154,7 @@ fn film(args: &Args, path: &str, scene: &Scene, engine: &dyn Engine, quiet: bool
 }
 
 fn settings(args: &Args) -> RenderSettings {
-    RenderSettings { samples: args.samples.map(|n| n as usize) }
+    RenderSettings { samples: args.samples.map(|n| n as usize), ..RenderSettings::default() }
 }
 
 fn resized(lens: &Intrinsics, size: Option<(u32, u32)>) -> Intrinsics {

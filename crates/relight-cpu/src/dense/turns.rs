@@ -1,6 +1,6 @@
 //! Rows that the columns of a product go through again and again: what all lights of a point share.
 
-use fearless_simd::{Level, Simd, dispatch};
+use fearless_simd::{Level, Simd, dispatch, prelude::*};
 
 use super::{COLUMN_ALIGN, padded};
 
@@ -17,6 +17,19 @@ impl Base<'_> {
     /// Numbers that a row takes: a vector that begins anywhere in the first period is read in one piece.
     pub const fn stride(period: usize) -> usize {
         padded(period) + COLUMN_ALIGN
+    }
+
+    /// Which number of its row column `column` goes through.
+    #[inline(always)]
+    pub(super) fn turned(self, column: usize) -> usize {
+        column % self.period
+    }
+
+    /// Those of row `row` from its number `turned` on.
+    #[inline(always)]
+    pub(super) fn vector<S: Simd>(self, simd: S, row: usize, turned: usize) -> S::f32s {
+        let first = row * Self::stride(self.period) + turned;
+        S::f32s::from_slice(simd, &self.data[first..first + S::f32s::LEN])
     }
 }
 

@@ -28,7 +28,12 @@ pub fn cases() -> impl Iterator<Item = (&'static str, Architecture, Shading)> {
 
 /// A field whose table is not nearly zero as a fresh one's is.
 pub fn field(architecture: Architecture) -> Parameters {
-    let grid = GridConfig { levels: 4, features: 2, log2_table: 9, base: 4, finest: 24 };
+    field_of(architecture, 2)
+}
+
+/// The same with so many features an entry.
+pub fn field_of(architecture: Architecture, features: usize) -> Parameters {
+    let grid = GridConfig { levels: 4, features, log2_table: 9, base: 4, finest: 24 };
     let config = FieldConfig { architecture, grid, bounds: BOUNDS, density_scale: 2.0 };
     let mut parameters = Parameters::init(config, 5).unwrap();
     let random = Random::new(6, 0);

@@ -71,7 +71,7 @@ fn points_and_rays_without_directions() {
     let engine = CpuEngine::new(&field(V5), CONFIG).unwrap();
     let mut rays = rays(3);
     rays.directions.pop();
-    let settings = RenderSettings { samples: None };
+    let settings = RenderSettings::default();
     refused(engine.render(&rays, &lights()[0], Outputs::default(), &settings));
     let points = Points {
         positions: vec![[0.0; 3]; 3],

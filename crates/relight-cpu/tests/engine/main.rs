@@ -6,6 +6,7 @@ mod common;
 mod errors;
 mod gradients;
 mod pictures;
+mod precision;
 mod probes;
 mod repeatability;
 mod samples;

@@ -19,6 +19,11 @@ fn config(sampling: Sampling, shading: Shading) -> EngineConfig {
     EngineConfig { sampling, shading, optimiser: Optimiser::Adam, beta2: 0.999, seed: 3 }
 }
 
+/// Settings of pictures to be compared with the plain engine's.
+fn plainly(samples: Option<usize>) -> RenderSettings {
+    RenderSettings { samples, precision: Precision::F32 }
+}
+
 /// Relative difference, of numbers that are not nearly zero.
 fn assert_equal(what: &str, ours: &[f32], plain: &[f32], tolerance: f32) {
     assert_eq!(ours.len(), plain.len(), "{what}");
@@ -81,8 +86,7 @@ fn colours_equal_the_oracles() {
         let light = lights()[1];
         let engine = CpuEngine::new(&parameters, config(SAMPLING, shading)).unwrap();
         let rays = rays(n);
-        let drawn =
-            engine.render(&rays, &light, Outputs::default(), &RenderSettings { samples: None }).unwrap();
+        let drawn = engine.render(&rays, &light, Outputs::default(), &plainly(None)).unwrap();
         assert!(drawn.visibility.is_empty() && drawn.reflectance.is_empty());
 
         let parts = Parts::new(&parameters);
@@ -130,7 +134,7 @@ fn rays_that_end_early_look_like_whole_ones() {
         rays.origins.drain(..skipped);
         rays.directions.drain(..skipped);
         let n = rays.origins.len();
-        let settings = RenderSettings { samples: None };
+        let settings = plainly(None);
         let drawn = engine.render(&rays, &light, Outputs::default(), &settings).unwrap();
 
         let parts = Parts::new(&parameters);
@@ -161,7 +165,7 @@ fn all_outputs_approach_the_plain_engines() {
     parameters.table.iter_mut().for_each(|v| *v *= 0.3);
     let (rays, light) = (rays(12), lights()[1]);
     let outputs = Outputs { visibility: true, reflectance: true };
-    let settings = RenderSettings { samples: Some(2000) };
+    let settings = plainly(Some(2000));
     for shading in SHADINGS {
         let plain = ReferenceEngine::<f32>::new(&parameters, config(SAMPLING, shading)).unwrap();
         let plain = plain.render(&rays, &light, outputs, &settings).unwrap();
@@ -191,7 +195,7 @@ fn reflectance_times_visibility_is_the_colour_of_deferred_rays_that_show_one_poi
     let outputs = Outputs { visibility: true, reflectance: true };
     // More rays than are marched together.
     let rays = rays(3000);
-    let drawn = engine.render(&rays, &lights()[0], outputs, &RenderSettings { samples: Some(4) }).unwrap();
+    let drawn = engine.render(&rays, &lights()[0], outputs, &plainly(Some(4))).unwrap();
     assert_eq!((drawn.colour.len(), drawn.visibility.len(), drawn.depth.len()), (3000, 3000, 3000));
     let one_point = |opacity: f32| f64::from(opacity.min(1.0 - opacity)) <= NEGLIGIBLE;
     let maps = drawn.colour.iter().zip(&drawn.visibility).zip(&drawn.reflectance).zip(&drawn.opacity);
@@ -200,7 +204,7 @@ fn reflectance_times_visibility_is_the_colour_of_deferred_rays_that_show_one_poi
     }
     let at_one = drawn.opacity.iter().filter(|opacity| one_point(**opacity)).count();
     assert!((100..2900).contains(&at_one), "{at_one}");
-    let none = engine.render(&Rays::default(), &lights()[0], outputs, &RenderSettings { samples: None });
+    let none = engine.render(&Rays::default(), &lights()[0], outputs, &plainly(None));
     assert!(none.unwrap().colour.is_empty());
 }
 
@@ -208,7 +212,7 @@ fn reflectance_times_visibility_is_the_colour_of_deferred_rays_that_show_one_poi
 fn fields_without_visibility_draw_none() {
     let engine = CpuEngine::new(&field(V0), config(SAMPLING, Shading::PerSample)).unwrap();
     let outputs = Outputs { visibility: true, reflectance: true };
-    let drawn = engine.render(&rays(3), &lights()[0], outputs, &RenderSettings { samples: None }).unwrap();
+    let drawn = engine.render(&rays(3), &lights()[0], outputs, &plainly(None)).unwrap();
     assert!(drawn.visibility.is_empty());
     assert_eq!(drawn.reflectance, drawn.colour);
     assert_eq!(V0.light, LightInput::None);

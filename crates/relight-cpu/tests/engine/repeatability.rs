@@ -84,7 +84,7 @@ fn the_same_seed_gives_the_same_run_on_any_number_of_threads() {
         assert_same(&one, &four);
         let drawn = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let settings = RenderSettings { samples: None };
+            let settings = RenderSettings::default();
             pool.install(|| {
                 one.render(&rays(5000), &lights()[0], Outputs::default(), &settings).unwrap().colour
             })
@@ -181,7 +181,7 @@ fn rays_that_are_nowhere_are_refused_in_training_and_harmless_in_pictures() {
             let error = engine.train_step(&batch, &settings(0)).unwrap_err();
             assert!(matches!(error, EngineError::NonFinite { .. }), "{error}");
             assert!(bits(&parameters) == bits(&engine.parameters().unwrap()));
-            let settings = RenderSettings { samples: None };
+            let settings = RenderSettings::default();
             let drawn = engine.render(&batch.rays, &lights()[0], Outputs::default(), &settings).unwrap();
             let alone = engine.render(&rays(20), &lights()[0], Outputs::default(), &settings).unwrap();
             // The other rays do not notice.

@@ -131,7 +131,9 @@ fn pictures_hold_what_was_asked_for() {
     let all = Outputs { visibility: true, reflectance: true };
     let engine = ReferenceEngine::<f64>::new(&trained(config(V5), 1), ENGINE).unwrap();
     let draw = |outputs, samples| {
-        engine.render(&batch.rays, &batch.lights[0], outputs, &RenderSettings { samples }).unwrap()
+        engine
+            .render(&batch.rays, &batch.lights[0], outputs, &RenderSettings { samples, ..Default::default() })
+            .unwrap()
     };
     let bare = draw(Outputs::default(), None);
     assert_eq!((bare.colour.len(), bare.visibility.len(), bare.reflectance.len()), (5, 0, 0));
@@ -147,7 +149,7 @@ fn pictures_hold_what_was_asked_for() {
     }
     let none = ReferenceEngine::<f32>::new(&trained(config(V0), 1), ENGINE).unwrap();
     assert!(
-        none.render(&batch.rays, &batch.lights[0], all, &RenderSettings { samples: None })
+        none.render(&batch.rays, &batch.lights[0], all, &RenderSettings::default())
             .unwrap()
             .visibility
             .is_empty()
@@ -158,8 +160,7 @@ fn pictures_hold_what_was_asked_for() {
 fn a_ray_that_misses_the_box_still_has_a_colour() {
     let rays = Rays { origins: vec![[5.0, 5.0, 5.0]], directions: vec![[0.0, 0.0, 1.0]] };
     let light = LightPose([0.5; 12]);
-    let picture =
-        engine().render(&rays, &light, Outputs::default(), &RenderSettings { samples: None }).unwrap();
+    let picture = engine().render(&rays, &light, Outputs::default(), &RenderSettings::default()).unwrap();
     assert!(picture.colour[0].iter().all(|c| (0.0..=1.0).contains(c)));
     assert_eq!(picture.opacity[0], 0.0);
 }

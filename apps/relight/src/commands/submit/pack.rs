@@ -187,7 +187,7 @@ fn draw(
     let camera = part.scene.cameras.iter().find(|camera| camera.label == image.camera);
     let light = part.scene.lights.iter().find(|light| light.label == image.light);
     let (camera, light) = camera.zip(light).with_context(|| format!("{}: no such view", image.entry))?;
-    let settings = RenderSettings { samples: None };
+    let settings = RenderSettings::default();
     let progress = &mut |_: usize, _: usize| go_on();
     match render(
         engine,
