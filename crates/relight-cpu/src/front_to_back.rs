@@ -9,7 +9,7 @@
 
 use std::ops::Range;
 
-use fearless_simd::{Level, Simd, dispatch};
+use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*};
 use relight_field::engine::Rays;
 
 use crate::aligned::Aligned;
@@ -25,6 +25,8 @@ use crate::tile::Workspace;
 const TOGETHER: usize = 4;
 /// Rays whose samples make a tile: whole vectors of rays.
 pub const TILE_RAYS: usize = 48;
+/// Vectors of rays in a tile.
+const VECTORS: usize = TILE_RAYS / COLUMN_ALIGN;
 const _: () = assert!(TILE_RAYS.is_multiple_of(COLUMN_ALIGN));
 
 /// What a block of rays has met so far; memory that is reused from block to block.
@@ -168,7 +170,13 @@ impl FrontToBack {
                     }
                 }
                 let sums = rows().zip(self.sums.chunks_exact_mut(padded(n)));
-                add_up(marcher.simd, sums, &self.weights, going);
+                let (simd, weights) = (marcher.simd, &self.weights[..]);
+                match samples.len() {
+                    1 => add_up::<1>(simd, sums, weights, going),
+                    2 => add_up::<2>(simd, sums, weights, going),
+                    3 => add_up::<3>(simd, sums, weights, going),
+                    _ => add_up::<TOGETHER>(simd, sums, weights, going),
+                }
             }
         });
     }
@@ -183,8 +191,8 @@ fn embed(marcher: &Marcher<'_>, rows: &[f32], columns: usize, features: &mut Ali
     marcher.networks.embeddings(marcher.simd, hidden, columns, embeddings);
 }
 
-/// Adds the weighted sums over samples of each row of a tile to those of its rays, `going`, in the row beside it.
-fn add_up<'a>(
+/// Adds the weighted sums over `N` samples of each row of a tile to those of its rays, `going`, in the row beside it.
+fn add_up<'a, const N: usize>(
     simd: Level,
     rows: impl Iterator<Item = (&'a [f32], &'a mut [f32])>,
     weights: &[f32],
@@ -196,13 +204,20 @@ fn add_up<'a>(
     dispatch!(simd, simd => simd.vectorize(
         #[inline(always)]
         || {
+            // Held in registers, where there are as many.
+            let vector = |numbers: &[f32], sample: usize, v: usize| {
+                f32x16::from_slice(simd, &numbers[sample * TILE_RAYS + v * COLUMN_ALIGN..][..COLUMN_ALIGN])
+            };
+            let weights: [[_; VECTORS]; N] =
+                std::array::from_fn(|sample| std::array::from_fn(|v| vector(weights, sample, v)));
             for (row, sums) in rows {
                 let mut terms = [0.0; TILE_RAYS];
-                let samples = row.as_chunks::<TILE_RAYS>().0.iter().zip(weights.as_chunks::<TILE_RAYS>().0);
-                for (values, weights) in samples {
-                    for r in 0..TILE_RAYS {
-                        terms[r] += values[r] * weights[r];
+                for (v, terms) in terms.chunks_exact_mut(COLUMN_ALIGN).enumerate() {
+                    let mut sum = f32x16::splat(simd, 0.0);
+                    for (sample, weights) in weights.iter().enumerate() {
+                        sum = vector(row, sample, v).mul_add(weights[v], sum);
                     }
+                    sum.store_slice(terms);
                 }
                 match &neighbours {
                     Some(rays) => sums[rays.clone()].iter_mut().zip(terms).for_each(|(sum, term)| *sum += term),
