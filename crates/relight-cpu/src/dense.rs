@@ -11,7 +11,7 @@ mod turns;
 
 use fearless_simd::{Level, Simd, dispatch, prelude::*};
 
-pub use fixed_point::{FixedPoint, MOST_INPUTS};
+pub use fixed_point::{FixedPoint, has_fixed_point};
 pub use outer::{MatrixMut, accumulate_outer};
 pub use turns::{Base, add_turns, repeat_rows};
 
@@ -22,6 +22,7 @@ pub const COLUMN_ALIGN: usize = 16;
 const BLOCK_VECTORS: usize = 3;
 
 /// Inputs and outputs from which on a layer is faster in fixed point: columns have to be packed for it.
+#[cfg(target_arch = "x86_64")]
 const WORTH_PACKING: usize = 16;
 
 /// Rounds a number of columns up to [`COLUMN_ALIGN`].

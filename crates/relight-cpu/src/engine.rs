@@ -16,6 +16,7 @@ use relight_field::parameters::{FieldConfig, Parameters};
 use relight_field::sampling::{EngineConfig, Sampling};
 
 use crate::adam::Adam;
+use crate::dense::has_fixed_point;
 use crate::density_grid::DensityGrid;
 use crate::draw::DrawMemory;
 use crate::experience::Experience;
@@ -135,8 +136,8 @@ impl CpuEngine {
 
 impl Engine for CpuEngine {
     fn train_step(&mut self, batch: &RayBatch, settings: &StepSettings) -> Result<StepStats, EngineError> {
-        // From outside the pool, every part of the step that is shared out would have to be waited for asleep.
         self.drawn.take();
+        // From outside the pool, every part of the step that is shared out would have to be waited for asleep.
         rayon::scope(|_| self.step(batch, settings))
     }
 
@@ -178,8 +179,10 @@ impl Engine for CpuEngine {
         settings: &RenderSettings,
     ) -> Result<Samples, EngineError> {
         let networks = match settings.precision {
-            Precision::I16 => self.drawn.get_or_init(|| self.networks.in_fixed_point()),
-            Precision::F32 => &self.networks,
+            Precision::I16 if has_fixed_point(self.simd) => {
+                self.drawn.get_or_init(|| self.networks.in_fixed_point())
+            }
+            _ => &self.networks,
         };
         crate::draw::draw(
             &Marcher { networks, ..self.marcher() },

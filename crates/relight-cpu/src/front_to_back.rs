@@ -27,7 +27,7 @@ const TOGETHER: usize = 4;
 pub const TILE_RAYS: usize = 48;
 /// Vectors of rays in a tile.
 const VECTORS: usize = TILE_RAYS / COLUMN_ALIGN;
-const _: () = assert!(TILE_RAYS.is_multiple_of(COLUMN_ALIGN));
+const _: () = assert!(TILE_RAYS.is_multiple_of(COLUMN_ALIGN) && TOGETHER == 4);
 
 /// What a block of rays has met so far; memory that is reused from block to block.
 #[derive(Default)]

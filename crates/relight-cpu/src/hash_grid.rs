@@ -79,7 +79,10 @@ impl HashGrid {
     pub fn new(config: &GridConfig, table: &[f32]) -> Self {
         match config.features {
             4 => Self::Four(Table::new(config, table)),
-            _ => Self::Two(Table::new(config, table)),
+            features => {
+                debug_assert_eq!(features, 2);
+                Self::Two(Table::new(config, table))
+            }
         }
     }
 

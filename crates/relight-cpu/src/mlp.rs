@@ -11,8 +11,7 @@ use relight_field::parameters::{Layer, Network};
 
 use crate::aligned::Aligned;
 use crate::dense::{
-    Base, FixedPoint, MOST_INPUTS, Matrix, MatrixMut, Store, accumulate_outer, add_turns, multiply, padded,
-    repeat_rows,
+    Base, FixedPoint, Matrix, MatrixMut, Store, accumulate_outer, add_turns, multiply, padded, repeat_rows,
 };
 
 /// Weights in the two layouts that the products want.
@@ -90,8 +89,7 @@ impl Mlp {
     pub fn in_fixed_point(&self) -> Self {
         let layers = self.layers.iter().zip(&self.own).zip(&self.transposed);
         let fixed = layers.map(|((layer, own), weights)| {
-            let own_weights = &weights[..own.len() * layer.outputs];
-            (own.len() <= MOST_INPUTS).then(|| FixedPoint::new(own_weights, layer.outputs))
+            FixedPoint::new(&weights[..own.len() * layer.outputs], layer.outputs)
         });
         let (layers, own, transposed) = (self.layers.clone(), self.own.clone(), self.transposed.clone());
         Self { fixed: fixed.collect(), layers, own, transposed }

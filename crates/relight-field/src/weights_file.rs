@@ -1,6 +1,6 @@
 //! The weights file: a field in the safetensors format.
 //!
-//! Tensors are `grid.table` `[entries, 2]` and `geo.N.weight`, `rgb.N.weight`, `vis.N.weight` `[out, in]`, all `f32`.
+//! Tensors are `grid.table` `[entries, features]` and `geo.N.weight`, `rgb.N.weight`, `vis.N.weight` `[out, in]`, all `f32`.
 //! The metadata, a map of strings, holds `format`, `model`, and as JSON `bounds` (`[[lo], [hi]]`, metres), `grid`
 //! (with the `resolutions` of its levels, in cells an axis) and `density_scale` (per metre). Single-precision numbers are
 //! written with all the digits of their double, so that readers in either precision get the very same.

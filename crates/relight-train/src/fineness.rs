@@ -7,7 +7,7 @@ use relight_scene::{Bounds, Camera};
 const CELLS_A_PIXEL: f64 = 2.0;
 /// Base-2 logarithms of the coarsest and finest resolution taken: the latter is torch-ngp's.
 const RESOLUTIONS: [u32; 2] = [8, 11];
-/// Numbers of an encoded position, as many as torch-ngp's: 8 levels of four features instead of 16 of two, whose lookups are half as many.
+/// Levels: with four features each they give as many numbers of a position as torch-ngp's 16 of two, for half as many lookups.
 const LEVELS: usize = 8;
 /// Features an entry.
 const FEATURES: usize = 4;

@@ -2,13 +2,16 @@
 //!
 //! All numbers of a column share a scale, and so do all weights of an output, that makes the largest of either [`TOP`]: 12 bits
 //! and a sign, four more than bfloat16 keeps of a number as large, and so few that products are summed exactly. Of a column of small
-//! numbers as much is kept as of any other. A column with something that is not a number has nothing but such for a product.
+//! numbers as much is kept as of any other. A column with something that is not a number has nothing but such for a product (which
+//! rectifiers, as in single precision, make zero).
+
+use fearless_simd::Level;
 
 #[cfg(target_arch = "x86_64")]
 pub use kernel::multiply;
 
 /// Inputs of a layer, at most.
-pub const MOST_INPUTS: usize = 64;
+const MOST_INPUTS: usize = 64;
 /// What the largest number of a column or of an output's weights becomes.
 const TOP: f32 = 5792.0;
 const _: () = assert!(MOST_INPUTS as i64 * (TOP * TOP) as i64 <= i32::MAX as i64);
@@ -17,7 +20,19 @@ const LEAST: f32 = 1.0 / (1u128 << 100) as f32;
 /// Added to a small number, leaves the nearest integer in the low bits of the sum.
 const MAGIC: f32 = (3u32 << 22) as f32;
 
+/// Whether processors with these instructions multiply in fixed point.
+pub fn has_fixed_point(level: Level) -> bool {
+    #[cfg(target_arch = "x86_64")]
+    return level.as_avx512().is_some();
+    #[cfg(not(target_arch = "x86_64"))]
+    {
+        let _ = level;
+        false
+    }
+}
+
 /// The weights of a layer: `[inputs][outputs]`, pairs of inputs together.
+#[cfg_attr(not(target_arch = "x86_64"), expect(dead_code))]
 pub struct FixedPoint {
     /// `[pairs of inputs][outputs]`: the first in the low half.
     pairs: Vec<u32>,
@@ -26,8 +41,11 @@ pub struct FixedPoint {
 }
 
 impl FixedPoint {
-    /// Takes weights, `[inputs][outputs]`, of up to [`MOST_INPUTS`] inputs.
-    pub fn new(weights: &[f32], outputs: usize) -> Self {
+    /// Takes weights, `[inputs][outputs]`; `None` if inputs are so many that sums could overflow, more than 64.
+    pub fn new(weights: &[f32], outputs: usize) -> Option<Self> {
+        if weights.len() > MOST_INPUTS * outputs {
+            return None;
+        }
         let mut scales = vec![LEAST; outputs];
         for row in weights.chunks_exact(outputs) {
             // By bits, for which what is not a number is larger than all that are.
@@ -43,7 +61,7 @@ impl FixedPoint {
             both.for_each(|((pair, &w), s)| *pair |= integer(w, TOP / s) << 16);
         }
         scales.iter_mut().for_each(|s| *s *= 1.0 / TOP);
-        Self { pairs, scales }
+        Some(Self { pairs, scales })
     }
 }
 
@@ -81,6 +99,7 @@ mod kernel {
         base: Option<Base<'_>>,
         store: Store<'_>,
     ) {
+        debug_assert_eq!(a.pairs.len(), shape.0.div_ceil(2) * a.scales.len());
         simd.vectorize(
             #[inline(always)]
             || {
@@ -185,7 +204,7 @@ mod kernel {
         for (i, sums) in sum.iter().enumerate() {
             let scale = F::splat(simd, a.scales[first + i]);
             for (j, sum) in sums.iter().enumerate() {
-                let product = sum.to_float::<F>() * (scale * packed.scales[j]);
+                let product = sum.to_float::<F>() * scale * packed.scales[j];
                 let at = (m + i) * columns + c + j * COLUMN_ALIGN;
                 let base = base.map(|base| base.vector(simd, m + i, turned[j]));
                 let value = finished::<Avx512>(simd, product, base, store, at);
@@ -208,7 +227,6 @@ mod tests {
     use super::super::tests::numbers;
     use super::super::{Base, Matrix, Store, padded, repeat_rows};
     use super::*;
-    use fearless_simd::Level;
 
     /// Inputs, outputs and columns.
     const SHAPES: [(usize, usize, usize); 6] =
@@ -228,7 +246,8 @@ mod tests {
         store: Store<'_>,
     ) -> Vec<f32> {
         let (fixed, mut y) = (FixedPoint::new(a, stride), vec![f32::NAN; shape.1 * shape.2]);
-        let matrix = Matrix { data: a, stride, first, fixed: Some(&fixed) };
+        assert!(fixed.is_some());
+        let matrix = Matrix { data: a, stride, first, fixed: fixed.as_ref() };
         super::super::multiply(Level::new(), matrix, x, &mut y, shape, base, store);
         y
     }
@@ -247,19 +266,15 @@ mod tests {
                 let (column_unit, column_factor) = scale(column.iter().fold(0.0, |l, v| v.abs().max(l)));
                 let products = weights.iter().zip(&column);
                 let sum: i64 = products.map(|(&w, &v)| integer(w, factor) * integer(v, column_factor)).sum();
-                y.push(sum as f32 * (unit * column_unit));
+                y.push(sum as f32 * unit * column_unit);
             }
         }
         y
     }
 
-    fn has_kernel() -> bool {
-        Level::new().as_avx512().is_some()
-    }
-
     #[test]
     fn the_kernel_sums_integers_exactly() {
-        for shape in SHAPES.into_iter().filter(|_| has_kernel()) {
+        for shape in SHAPES.into_iter().filter(|_| has_fixed_point(Level::new())) {
             let (inputs, outputs, columns) = shape;
             let (stride, first) = (outputs + 3, 2);
             let (a, x) = (numbers(inputs * stride, 1), numbers(inputs * columns, 2));
@@ -315,6 +330,12 @@ mod tests {
         assert!(nothing.iter().all(|&y| y == 0.0));
         let tiny = multiply(&vec![1.0; shape.0 * 16], 16, 0, &vec![1e-38; shape.0 * 16], shape);
         assert!(tiny.iter().all(|&y| (0.0..=1e-30).contains(&y)), "{tiny:?}");
+    }
+
+    #[test]
+    fn layers_whose_sums_could_overflow_are_refused() {
+        assert!(FixedPoint::new(&[1.0; MOST_INPUTS * 3], 3).is_some());
+        assert!(FixedPoint::new(&[1.0; (MOST_INPUTS + 1) * 3], 3).is_none());
     }
 
     #[test]

@@ -44,11 +44,14 @@ fn settings(step: u64) -> StepSettings {
 }
 
 fn engine(config: EngineConfig) -> CpuEngine {
-    let mut engine = CpuEngine::new(&field(V5), config).unwrap();
+    // As the presets have it.
+    let features = if config.shading == Shading::Deferred { 4 } else { 2 };
+    let field = field_of(V5, features);
+    let mut engine = CpuEngine::new(&field, config).unwrap();
     // It has seen shadows and how far imagined colours miss, and so imagines what probes show and trusts it by half.
     let mut state = engine.state().unwrap();
     state.insert("probes".into(), StateTensor::F32(vec![40.0, 90.0, 2.0, 80.0, 1.0, 70.0, 0.0125]));
-    engine.restore(&field(V5), &state).unwrap();
+    engine.restore(&field, &state).unwrap();
     engine.expect_surfaces(&[[0.1, 0.1, 0.3], [-0.2, 0.0, 0.5], [9.0, 0.0, 0.0]]);
     engine
 }

@@ -148,12 +148,16 @@ fn contradictory_metadata_is_refused() {
         ("grid", "{}"),
         ("grid", r#"{"levels":3,"features":2,"log2_table":7,"base":2,"finest":9,"resolutions":[2,5,9]}"#),
         ("grid", r#"{"levels":4294967295,"features":2,"log2_table":7,"base":2,"finest":9,"resolutions":[]}"#),
+        ("grid", r#"{"levels":3,"features":3,"log2_table":7,"base":2,"finest":9,"resolutions":[2,4,9]}"#),
         ("grid", r#"{"levels":3,"features":2,"log2_table":63,"base":2,"finest":9,"resolutions":[2,4,9]}"#),
     ] {
         refused(&altered(|m, _| drop(m.insert(key.into(), value.into()))), key);
     }
     // A larger grid than the tensors have.
     let grid = r#"{"levels":3,"features":2,"log2_table":24,"base":2,"finest":9,"resolutions":[2,4,9]}"#;
+    refused(&altered(|m, _| drop(m.insert("grid".into(), grid.into()))), "grid.table is [280, 2]");
+    // More features than they have.
+    let grid = r#"{"levels":3,"features":4,"log2_table":7,"base":2,"finest":9,"resolutions":[2,4,9]}"#;
     refused(&altered(|m, _| drop(m.insert("grid".into(), grid.into()))), "grid.table is [280, 2]");
 }
 
