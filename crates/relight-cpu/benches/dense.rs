@@ -14,7 +14,7 @@ fn main() {
 fn layer(bencher: divan::Bencher<'_, '_>) {
     let (a, x) = (vec![0.5f32; 64 * 64], vec![0.25f32; 64 * COLUMNS]);
     let mut y = vec![0.0f32; 64 * COLUMNS];
-    let (level, a) = (Level::new(), Matrix { data: &a, stride: 64, first: 0, fixed: None });
+    let (level, a) = (Level::new(), Matrix::new(&a, 64, 0));
     bencher
         .counter(ItemsCount::new(FLOPS))
         .bench_local(|| multiply(level, a, &x, &mut y, (64, 64, COLUMNS), None, Store::Rectified));
@@ -25,7 +25,7 @@ fn layer(bencher: divan::Bencher<'_, '_>) {
 fn layer_in_fixed_point(bencher: divan::Bencher<'_, '_>) {
     let (a, x) = (vec![0.5f32; 64 * 64], vec![0.25f32; 64 * COLUMNS]);
     let (mut y, fixed) = (vec![0.0f32; 64 * COLUMNS], FixedPoint::new(&a, 64));
-    let (level, a) = (Level::new(), Matrix { data: &a, stride: 64, first: 0, fixed: fixed.as_ref() });
+    let (level, a) = (Level::new(), Matrix { fixed: fixed.as_ref(), ..Matrix::new(&a, 64, 0) });
     bencher
         .counter(ItemsCount::new(FLOPS))
         .bench_local(|| multiply(level, a, &x, &mut y, (64, 64, COLUMNS), None, Store::Rectified));

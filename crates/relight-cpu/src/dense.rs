@@ -55,6 +55,13 @@ pub struct Matrix<'a> {
     pub fixed: Option<&'a FixedPoint>,
 }
 
+impl<'a> Matrix<'a> {
+    /// The columns from `first` on of a matrix of `stride` columns, to be multiplied in single precision.
+    pub fn new(data: &'a [f32], stride: usize, first: usize) -> Self {
+        Self { data, stride, first, fixed: None }
+    }
+}
+
 /// `y[m][c] = base[m][c % period] + sum_k a[k][m] * x[k][c]` for `outputs` rows `m` and `columns` columns `c`; without a base,
 /// the sum alone.
 ///
@@ -256,7 +263,7 @@ pub(crate) mod tests {
             let stores = [Store::Set, Store::Rectified, Store::WherePositive(&mask)];
             let cases = stores.into_iter().flat_map(|s| bases.map(|b| (s, b)));
             for ((store, base), level) in cases.flat_map(|c| levels().into_iter().map(move |l| (c, l))) {
-                let matrix = Matrix { data: &a, stride, first, fixed: None };
+                let matrix = Matrix::new(&a, stride, first);
                 let shape = (inputs, outputs, columns);
                 let repeated = base.map(|i| Base { data: &repeated[i], period: periods[i] });
                 multiply(level, matrix, &x, &mut y, shape, repeated, store);

@@ -204,7 +204,7 @@ impl Mlp {
         outputs: &mut [f32],
     ) {
         if let (Some(layer), Some(data)) = (self.layers.last(), self.transposed.last()) {
-            let a = Matrix { data, stride: layer.outputs, first: rows.start, fixed: None };
+            let a = Matrix::new(data, layer.outputs, rows.start);
             let shape = (layer.inputs, rows.len(), columns);
             multiply(level, a, hidden, outputs, shape, None, Store::Set);
         }
@@ -217,12 +217,11 @@ impl Mlp {
         for (i, (layer, (own, a))) in self.layers.iter().zip(weights).enumerate().take(layers) {
             let (before, after) = tape.values.split_at_mut(i + 1);
             let (own_a, shared_a) = a.split_at(own.len() * layer.outputs);
-            let matrix = |data, fixed| Matrix { data, stride: layer.outputs, first: 0, fixed };
             let shared = layer.inputs - own.len();
             let base = if shared > 0 {
                 let (x, y) = (&tape.shared[i], &mut tape.of_points);
                 let shape = (shared, layer.outputs, padded(points));
-                multiply(level, matrix(shared_a, None), x, y, shape, None, Store::Set);
+                multiply(level, Matrix::new(shared_a, layer.outputs, 0), x, y, shape, None, Store::Set);
                 repeat_rows(&y[..shape.1 * shape.2], points, &mut tape.repeated);
                 Some(Base { data: &tape.repeated, period: points })
             } else {
@@ -230,15 +229,8 @@ impl Mlp {
             };
             let store = if i + 1 < self.layers.len() { Store::Rectified } else { Store::Set };
             let shape = (own.len(), layer.outputs, columns);
-            multiply(
-                level,
-                matrix(own_a, self.fixed[i].as_ref()),
-                &before[i],
-                &mut after[0],
-                shape,
-                base,
-                store,
-            );
+            let a = Matrix { fixed: self.fixed[i].as_ref(), ..Matrix::new(own_a, layer.outputs, 0) };
+            multiply(level, a, &before[i], &mut after[0], shape, base, store);
         }
     }
 
@@ -309,7 +301,7 @@ impl Part<'_> {
             return;
         }
         let span = (wanted.start - inputs.start) * columns..(wanted.end - inputs.start) * columns;
-        let a = Matrix { data: &layer.weight, stride: layer.inputs, first: wanted.start, fixed: None };
+        let a = Matrix::new(&layer.weight, layer.inputs, wanted.start);
         let shape = (layer.outputs, wanted.len(), *columns);
         multiply(*level, a, dy, &mut dx[span.clone()], shape, None, store(&x[span]));
     }

@@ -40,7 +40,7 @@ impl Side {
         if !mean.is_normal() {
             return;
         }
-        let matrix = Matrix { data: &self.transposed, stride, first: 0, fixed: None };
+        let matrix = Matrix::new(&self.transposed, stride, 0);
         multiply(simd, matrix, &self.covariance, &mut self.product, (n, n, stride), None, Store::Set);
         // By the mean, so that lengths of rows are within single precision however small gradients are.
         let rows = self.product.iter_mut().zip(&*self.basis);
@@ -235,7 +235,7 @@ impl Soap {
         outputs.covariance.iter_mut().for_each(|c| *c *= MEMORY as f32);
         let sums = MatrixMut { data: &mut outputs.covariance, stride: padded(o), first: 0 };
         accumulate_outer(simd, matrix, matrix, sums, (o, o, stride));
-        let left = Matrix { data: matrix, stride, first: 0, fixed: None };
+        let left = Matrix::new(matrix, stride, 0);
         multiply(simd, left, matrix, &mut inputs.product, (o, inputs.n, stride), None, Store::Set);
         let products = inputs.covariance.iter_mut().zip(&*inputs.product);
         products.for_each(|(c, p)| *c = MEMORY as f32 * *c + p);
@@ -262,7 +262,7 @@ fn turn(
     [matrix, half, turned]: [&mut [f32]; 3],
 ) {
     let (o, i, stride) = (outputs.n, inputs.n, padded(inputs.n));
-    let a = Matrix { data: a, stride: padded(o), first: 0, fixed: None };
+    let a = Matrix::new(a, padded(o), 0);
     multiply(simd, a, matrix, half, (o, o, stride), None, Store::Set);
     turned.fill(0.0);
     accumulate_outer(simd, half, b, MatrixMut { data: turned, stride, first: 0 }, (i, o, stride));

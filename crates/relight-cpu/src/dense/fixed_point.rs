@@ -10,7 +10,7 @@ use fearless_simd::Level;
 #[cfg(target_arch = "x86_64")]
 pub use kernel::multiply;
 
-/// Inputs of a layer, at most.
+/// Inputs of a layer, at most: sums over more could overflow.
 const MOST_INPUTS: usize = 64;
 /// What the largest number of a column or of an output's weights becomes.
 const TOP: f32 = 5792.0;
@@ -247,7 +247,7 @@ mod tests {
     ) -> Vec<f32> {
         let (fixed, mut y) = (FixedPoint::new(a, stride), vec![f32::NAN; shape.1 * shape.2]);
         assert!(fixed.is_some());
-        let matrix = Matrix { data: a, stride, first, fixed: fixed.as_ref() };
+        let matrix = Matrix { fixed: fixed.as_ref(), ..Matrix::new(a, stride, first) };
         super::super::multiply(Level::new(), matrix, x, &mut y, shape, base, store);
         y
     }
