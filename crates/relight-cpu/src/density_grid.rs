@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicU8, Ordering};
 use rayon::prelude::*;
 use relight_scene::Bounds;
 
+use crate::huge_pages;
 use crate::prefetch::ask;
 
 /// Cells an axis of a brick.
@@ -53,7 +54,7 @@ impl DensityGrid {
             let depth = f32::from_bits((code as u32 + NOTHING) << DROPPED_BITS) * cell_size;
             if code == 0 || depth < THIN { 0.0 } else { depth }
         });
-        let zeros = |n: usize| (0..n).map(|_| AtomicU8::new(0)).collect();
+        let zeros = |n: usize| huge_pages::collect((0..n).map(|_| AtomicU8::new(0)));
         let (cells, distance) = (zeros(bricks.pow(3) * BRICK_CELLS), zeros(bricks.pow(3)));
         let mut grid = Self { bricks, cell_size, cells, distance, optical };
         grid.fill(density);

@@ -3,11 +3,13 @@
 //! Each kernel here does nothing but the one thing that it measures, as the engine's own kernels do it.
 
 use std::hint::black_box;
+use std::iter::repeat_n;
 use std::sync::Barrier;
 use std::time::{Duration, Instant};
 
 use fearless_simd::{Level, Simd, dispatch, prelude::*};
 
+use crate::huge_pages;
 use crate::prefetch::ask;
 
 /// Rates a second, on all threads.
@@ -36,7 +38,7 @@ impl Limits {
     /// each.
     pub fn measure<const F: usize>(read: usize, written: usize) -> Self {
         let level = Level::new();
-        let table = vec![[1f32; F]; read];
+        let table = huge_pages::collect(repeat_n([1f32; F], read));
         Self {
             operations: on_all_threads(|_| 0.1, |x| multiply_adds(level, x, CHUNK)),
             bytes: on_all_threads(
@@ -102,7 +104,7 @@ fn lookups<const F: usize, const N: usize, const ASK: bool>(table: &[[f32; F]]) 
 /// Updates a second in tables of so many entries, likewise.
 fn updates<const F: usize, const N: usize, const ASK: bool>(entries: usize) -> f64 {
     on_all_threads(
-        |thread| (vec![[1f32; F]; entries], jumps::<N>(thread)),
+        |thread| (huge_pages::collect(repeat_n([1f32; F], entries)), jumps::<N>(thread)),
         |(table, jumps)| {
             scatter::<F, N, ASK>(black_box(table), jumps, CHUNK);
             CHUNK

@@ -1,5 +1,7 @@
 //! The gradient of one level's table: gathered from samples, then followed by Adam.
 
+use std::iter::repeat_n;
+
 use fearless_simd::{Level, Simd, dispatch};
 use relight_field::parameters::Level as GridLevel;
 
@@ -7,6 +9,7 @@ use super::corners::{Corners, GROUP};
 use super::table::EntryMoments;
 use super::{CORNERS, TileGradients};
 use crate::adam::Adam;
+use crate::huge_pages;
 use crate::prefetch::ask;
 
 /// Entries that are asked of memory before their turn to be updated.
@@ -25,7 +28,8 @@ impl<const F: usize> LevelGradient<F> {
     /// Zero gradient of up to `entries` entries.
     pub fn new(entries: usize) -> Self {
         let touched = vec![0; entries.div_ceil(64)];
-        Self { gradient: vec![[0.0; F]; entries], touched, list: Vec::new() }
+        let gradient = huge_pages::collect(repeat_n([0.0; F], entries));
+        Self { gradient, touched, list: Vec::new() }
     }
 
     /// Adds what the samples of all tiles say of level `l`. Returns how many samples had any gradient.

@@ -1,5 +1,7 @@
 //! The entries of all levels, and one step of their optimiser.
 
+use std::iter::repeat_n;
+
 use fearless_simd::Level;
 use rayon::prelude::*;
 use relight_field::parameters::{GridConfig, Level as GridLevel};
@@ -7,6 +9,7 @@ use relight_field::parameters::{GridConfig, Level as GridLevel};
 use super::level_gradient::LevelGradient;
 use super::{CORNERS, TileGradients};
 use crate::adam::{Adam, UPDATE_OPERATIONS};
+use crate::huge_pages;
 use crate::pool::Pool;
 use crate::stages::{Clock, Costs, Stage};
 
@@ -42,7 +45,7 @@ impl<const F: usize> Table<F> {
 
     pub(super) fn new(config: &GridConfig, table: &[f32]) -> Self {
         let levels = config.level_table();
-        let table: Vec<[f32; F]> = table.as_chunks().0.to_vec();
+        let table = huge_pages::collect(table.as_chunks().0.iter().copied());
         let largest = levels.iter().map(|l| l.entries).max().unwrap_or(0);
         Self { levels, moments: Vec::new(), table, scratch: Pool::default(), largest }
     }
@@ -77,13 +80,15 @@ impl<const F: usize> Table<F> {
             return false;
         }
         let pairs = m.as_chunks::<F>().0.iter().zip(v.as_chunks::<F>().0).zip(updates);
-        self.moments = pairs.map(|((&m, &v), &updates)| EntryMoments { m, v, updates }).collect();
+        self.moments = huge_pages::collect(pairs.map(|((&m, &v), &updates)| EntryMoments { m, v, updates }));
         true
     }
 
     pub(super) fn step(&mut self, simd: Level, tiles: &[TileGradients<'_>], rate: f32, adam: &Adam) -> Costs {
         let largest = self.largest;
-        self.moments.resize(self.table.len(), EntryMoments::ZERO);
+        if self.moments.is_empty() {
+            self.moments = huge_pages::collect(repeat_n(EntryMoments::ZERO, self.table.len()));
+        }
         let mut tasks = Vec::with_capacity(self.levels.len());
         let (mut table, mut moments) = (&mut self.table[..], &mut self.moments[..]);
         for (l, level) in self.levels.iter().enumerate() {
