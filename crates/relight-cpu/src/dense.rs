@@ -183,6 +183,20 @@ fn multiply_block<S: Simd, const M: usize, const V: usize>(
             sum[i][j].store_slice(&mut block[i * columns + j * lanes..][..lanes]);
         }
     }
+    finish::<S, M, V>(simd, y, columns, (m, c), base, store);
+}
+
+/// Does to an `M` by `V` block of vectors of a product what is to be done before it is stored for good.
+#[inline(always)]
+fn finish<S: Simd, const M: usize, const V: usize>(
+    simd: S,
+    y: &mut [f32],
+    columns: usize,
+    (m, c): (usize, usize),
+    base: Option<Base<'_>>,
+    store: Store<'_>,
+) {
+    let lanes = S::f32s::LEN;
     if base.is_none() && matches!(store, Store::Set) {
         return;
     }

@@ -76,7 +76,7 @@ mod kernel {
 
     use fearless_simd::{Avx512, f32x16, i32x16, prelude::*, u32x16};
 
-    use super::super::{BLOCK_VECTORS, Base, COLUMN_ALIGN, Store, finished};
+    use super::super::{BLOCK_VECTORS, Base, COLUMN_ALIGN, Store, finish};
     use super::{FixedPoint, LEAST, MAGIC, MOST_INPUTS, TOP};
 
     type F = f32x16<Avx512>;
@@ -85,7 +85,7 @@ mod kernel {
 
     /// Some columns, pairs of inputs together, and what an integer of 1 is in each.
     struct Packed<const V: usize> {
-        pairs: [[I; V]; MOST_INPUTS / 2],
+        pairs: [[[i32; COLUMN_ALIGN]; V]; MOST_INPUTS / 2],
         scales: [F; V],
     }
 
@@ -128,8 +128,11 @@ mod kernel {
         base: Option<Base<'_>>,
         store: Store<'_>,
     ) {
-        let zero = [I::splat(simd, 0); V];
-        let mut packed = Packed { pairs: [zero; MOST_INPUTS / 2], scales: [F::splat(simd, 0.0); V] };
+        let mut packed = Packed {
+            // Numbers and no vectors, which would be made elsewhere and copied.
+            pairs: [[[0; COLUMN_ALIGN]; V]; MOST_INPUTS / 2],
+            scales: [F::splat(simd, 0.0); V],
+        };
         for c in starts {
             packed.set(simd, &x[..inputs * columns], columns, c);
             let mut m = 0;
@@ -166,10 +169,11 @@ mod kernel {
             for (pair, two) in self.pairs.iter_mut().zip(x.chunks(2 * columns)) {
                 let (low, high) = two.split_at(columns);
                 for (j, pair) in pair.iter_mut().enumerate() {
-                    *pair = integer(low, j) & low_half;
+                    let mut both = integer(low, j) & low_half;
                     if !high.is_empty() {
-                        *pair |= integer(high, j) << 16;
+                        both |= integer(high, j) << 16;
                     }
+                    both.store_slice(pair);
                 }
             }
         }
@@ -192,6 +196,7 @@ mod kernel {
         let mut sum = [[I::splat(simd, 0); V]; M];
         for (x, a) in packed.pairs.iter().zip(a.pairs.chunks_exact(width)) {
             let a = &a[first..first + M];
+            let x: [I; V] = std::array::from_fn(|j| I::from_slice(simd, &x[j]));
             for i in 0..M {
                 let a = I::splat(simd, a[i] as i32);
                 for j in 0..V {
@@ -199,18 +204,16 @@ mod kernel {
                 }
             }
         }
-        let turned: [usize; V] =
-            std::array::from_fn(|j| base.map_or(0, |base| base.turned(c + j * COLUMN_ALIGN)));
-        for (i, sums) in sum.iter().enumerate() {
+        // Nothing else here, so that the sums stay in registers from first to last.
+        let block = &mut y[m * columns + c..];
+        for i in 0..M {
             let scale = F::splat(simd, a.scales[first + i]);
-            for (j, sum) in sums.iter().enumerate() {
-                let product = sum.to_float::<F>() * scale * packed.scales[j];
-                let at = (m + i) * columns + c + j * COLUMN_ALIGN;
-                let base = base.map(|base| base.vector(simd, m + i, turned[j]));
-                let value = finished::<Avx512>(simd, product, base, store, at);
-                value.store_slice(&mut y[at..at + COLUMN_ALIGN]);
+            for j in 0..V {
+                let product = sum[i][j].to_float::<F>() * scale * packed.scales[j];
+                product.store_slice(&mut block[i * columns + j * COLUMN_ALIGN..][..COLUMN_ALIGN]);
             }
         }
+        finish::<Avx512, M, V>(simd, y, columns, (m, c), base, store);
     }
 
     /// `sum`, and the products of the low halves and of the high ones.
