@@ -3,6 +3,7 @@
 
 use std::sync::atomic::{AtomicU8, Ordering};
 
+use fearless_simd::{Simd, i32x16, prelude::*};
 use rayon::prelude::*;
 use relight_scene::Bounds;
 
@@ -13,6 +14,7 @@ use crate::prefetch::ask;
 pub const BRICK: usize = 8;
 /// Cells of a brick.
 const BRICK_CELLS: usize = BRICK * BRICK * BRICK;
+const _: () = assert!(BRICK.is_power_of_two());
 /// Bits of a density that a code does without: its last 20, so that three of the mantissa stay.
 const DROPPED_BITS: u32 = 20;
 /// What stands for nothing at all, in those bits that stay: 1/64 per metre.
@@ -105,6 +107,20 @@ impl DensityGrid {
     pub fn cell_at(&self, [x, y, z]: [usize; 3]) -> usize {
         let brick = x / BRICK + self.bricks * (y / BRICK + self.bricks * (z / BRICK));
         brick * BRICK_CELLS + x % BRICK + BRICK * (y % BRICK + BRICK * (z % BRICK))
+    }
+
+    /// The same at sixteen places; those outside belong to the nearest cell.
+    #[inline(always)]
+    pub fn cells_at<S: Simd>(&self, simd: S, place: [i32x16<S>; 3]) -> i32x16<S> {
+        let (zero, last) = (i32x16::splat(simd, 0), i32x16::splat(simd, self.resolution() as i32 - 1));
+        // One by one: through a closure, vectors would go through memory.
+        let [x, y, z] = place;
+        let [x, y, z] = [x.max(zero).min(last), y.max(zero).min(last), z.max(zero).min(last)];
+        let (bits, low) = (BRICK.trailing_zeros(), i32x16::splat(simd, BRICK as i32 - 1));
+        let bricks = i32x16::splat(simd, self.bricks as i32);
+        let brick = (x >> bits) + bricks * ((y >> bits) + bricks * (z >> bits));
+        let within = (x & low) + (((y & low) + ((z & low) << bits)) << bits);
+        (brick << (3 * bits)) + within
     }
 
     /// Bricks from that of a cell to the nearest one in which something is thick enough to count, along the axis on which they are

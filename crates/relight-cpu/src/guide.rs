@@ -2,69 +2,38 @@
 //!
 //! A ray looks at the grid in steps of a cell. Bricks in which nothing is are stepped over.
 
-use fearless_simd::{Level, Simd, dispatch};
+use fearless_simd::Level;
 
 use crate::density_grid::DensityGrid;
 use crate::march::{UnitCube, draw};
-use crate::walk::Walk;
+use crate::walk::{LANES, Walker, Way, walk};
 
-/// Share of guided samples spread evenly, so that what the density grid does not know of is found (training).
-const UNIFORM_SHARE: f32 = 0.15;
-/// The same when drawing pictures.
-const UNIFORM_SHARE_DRAWING: f32 = 0.02;
-/// Largest opacity a cell may claim when samples are placed: some must fall behind a surface that may be wrong.
-const OPACITY_LIMIT: f32 = 0.5;
-/// The same when drawing pictures: with fewer samples in front, 16 come nearer to what hundreds give.
-const OPACITY_LIMIT_DRAWING: f32 = 0.35;
 /// Optical depth, by the density grid, below which a shadow ray counts as clear.
 const SHADING: f32 = 0.05;
 /// Cells that a ray looks at, at most; a ray through a cubic box meets fewer.
 const MOST_BINS: usize = 2048;
-/// Placing ends where less than this of the limited transmittance is left.
-const TRANSMITTANCE_END: f32 = 0.01;
+/// Optical depth at which nothing passes that single precision would notice.
+const OPAQUE: f32 = 50.0;
 
-/// Memory for [`Guide::guided`], reused from ray to ray.
-#[derive(Default)]
-pub struct GuideScratch {
-    /// Steps at which something may be, ascending, with the chance of a sample there.
-    occupied: Vec<(usize, f32)>,
-    /// Stretches of the ray, of one such step or of all between two: where each ends, counted in steps.
-    ends: Vec<usize>,
-    /// The chance of a sample in each.
-    mass: Vec<f32>,
+/// How samples are placed.
+struct Placing {
+    /// Share of them spread evenly, so that what the density grid does not know of is found.
+    uniform_share: f32,
+    /// Largest opacity a cell may claim: some must fall behind a surface that may be wrong.
+    opacity_limit: f32,
+    /// Placing ends where less than this of the limited transmittance is left.
+    end: f32,
 }
 
-impl GuideScratch {
-    /// Raises the chance of a step: one of the last three, or a new one behind them.
-    fn raise(&mut self, step: usize, chance: f32) {
-        match self.occupied.iter_mut().rev().take(3).find(|(s, _)| *s == step) {
-            Some((_, known)) => *known = known.max(chance),
-            None => self.occupied.push((step, chance)),
-        }
-    }
+/// In training.
+const TRAINING: Placing = Placing { uniform_share: 0.15, opacity_limit: 0.5, end: 0.01 };
+/// Of pictures: with fewer samples in front, 16 come nearer to what hundreds give.
+const DRAWING: Placing = Placing { uniform_share: 0.02, opacity_limit: 0.35, end: 0.01 };
 
-    /// Divides `steps` steps of a ray into stretches: those of `occupied` with `scale` times their chance, and in every
-    /// step `uniform` beside.
-    fn divide(&mut self, steps: usize, scale: f32, uniform: f32) {
-        let Self { occupied, ends, mass } = self;
-        ends.clear();
-        mass.clear();
-        let mut start = 0;
-        for &(step, chance) in &*occupied {
-            if step > start {
-                ends.push(step);
-                mass.push((step - start) as f32 * uniform);
-            }
-            ends.push(step + 1);
-            mass.push(chance * scale + uniform);
-            start = step + 1;
-        }
-        if start < steps {
-            ends.push(steps);
-            mass.push((steps - start) as f32 * uniform);
-        }
-    }
-}
+/// A ray: its origin and unit direction, metres.
+pub type Ray = ([f32; 3], [f32; 3]);
+/// Two distances along a ray, metres.
+pub type Span = (f32, f32);
 
 /// What the density grid tells rays.
 #[derive(Clone, Copy)]
@@ -77,83 +46,218 @@ pub struct Guide<'a> {
     pub cube: UnitCube,
 }
 
-impl Guide<'_> {
-    /// Whether the density grid knows of nothing between two distances that could shade what lies behind.
-    pub fn is_clear(&self, (origin, direction): ([f32; 3], [f32; 3]), (near, far): (f32, f32)) -> bool {
-        let step = self.density.cell_size().max((far - near) / MOST_BINS as f32);
-        let stretch = step / self.density.cell_size();
-        let (o, mut depth) = (self.cube.map(origin), 0.0);
-        let d = self.cube.map_direction(direction);
-        let bins = ((far - near) / step).ceil() as usize;
-        dispatch!(self.simd, simd => simd.vectorize(
-            #[inline(always)]
-            || {
-                Walk::new(simd, self.density, (o, d), (near, step, bins)).all(|(_, optical)| {
-                    depth += optical * stretch;
-                    depth <= SHADING
-                })
-            },
-        ))
+/// Memory for [`Guide::guided`], reused from rays to rays.
+#[derive(Default)]
+pub struct GuideScratch {
+    ways: Vec<Way>,
+    /// Of each ray, where it leaves the box.
+    far: Vec<f32>,
+    lanes: [Found; LANES],
+    stretches: Stretches,
+}
+
+/// Where the samples of a ray are worth placing.
+pub struct Places<'a> {
+    stretches: &'a Stretches,
+    near: f32,
+    step: f32,
+    far: f32,
+}
+
+impl Places<'_> {
+    /// Draws samples, metres, ascending: `t.len() - 1` of them inside the box, sample `i` in its part of the distribution at
+    /// `jitter(i)` of 0..1, and the last where the ray leaves the box.
+    pub fn draw(&self, jitter: impl Fn(usize) -> f32, t: &mut [f32]) {
+        let Some((last, t)) = t.split_last_mut() else { return };
+        *last = self.far;
+        let end =
+            |stretch: usize| (self.near + self.stretches.ends[stretch] as f32 * self.step).min(self.far);
+        draw(&self.stretches.mass, self.near, end, jitter, t);
+    }
+}
+
+/// Stretches of a ray, of one step at which something may be, or of all between two such.
+#[derive(Default)]
+struct Stretches {
+    /// Where each ends, counted in steps.
+    ends: Vec<usize>,
+    /// The chance of a sample in each.
+    mass: Vec<f32>,
+}
+
+/// What a ray has found so far.
+#[derive(Default)]
+struct Found {
+    /// Number of its way.
+    way: usize,
+    /// Its steps, and how many cells each is long.
+    steps: usize,
+    stretch: f32,
+    /// Steps at which something may be, ascending, with the chance of a sample there.
+    occupied: Vec<(usize, f32)>,
+    /// Transmittance, cells being no more opaque than they may claim.
+    limited: f32,
+    /// Optical depth.
+    depth: f32,
+}
+
+impl Found {
+    /// Raises the chance of a step, which no step before was behind, and of its neighbours: a surface may lie just outside the cell
+    /// that knows of it.
+    fn raise(&mut self, step: usize, chance: f32) {
+        let first = step.saturating_sub(1);
+        // Those of the three that steps before have raised.
+        let known = self.occupied.last().map_or(0, |&(last, _)| (last + 1).saturating_sub(first));
+        let start = self.occupied.len() - known;
+        self.occupied[start..].iter_mut().for_each(|(_, raised)| *raised = raised.max(chance));
+        self.occupied.extend((first + known..(step + 2).min(self.steps)).map(|step| (step, chance)));
     }
 
-    /// Places samples where the density grid says that something is: `t.len() - 1` of them inside, the last where the
-    /// ray leaves the box.
+    /// The stretches of the ray: at steps where something may be the chance found, and `uniform_share` of all samples, or more on
+    /// rays that may pass, in every step alike.
+    fn divide(&self, uniform_share: f32, stretches: &mut Stretches) {
+        let total: f32 = self.occupied.iter().map(|(_, chance)| chance).sum();
+        let passes = (-self.depth.min(OPAQUE)).exp();
+        let uniform = if total > 0.0 { uniform_share + (1.0 - uniform_share) * passes } else { 1.0 };
+        let scale = if total > 0.0 { (1.0 - uniform) / total } else { 0.0 };
+        let uniform = uniform / self.steps as f32;
+        let Stretches { ends, mass } = stretches;
+        ends.clear();
+        mass.clear();
+        let mut start = 0;
+        for &(step, chance) in &self.occupied {
+            if step > start {
+                ends.push(step);
+                mass.push((step - start) as f32 * uniform);
+            }
+            ends.push(step + 1);
+            mass.push(chance * scale + uniform);
+            start = step + 1;
+        }
+        if start < self.steps {
+            ends.push(self.steps);
+            mass.push((self.steps - start) as f32 * uniform);
+        }
+    }
+}
+
+/// Rays that find places for samples.
+struct Finder<'a, F> {
+    placing: Placing,
+    /// Optical depth from which on a cell claims all that it may.
+    saturated: f32,
+    cell_size: f32,
+    ways: &'a [Way],
+    far: &'a [f32],
+    lanes: &'a mut [Found; LANES],
+    stretches: &'a mut Stretches,
+    one: F,
+}
+
+impl<F: FnMut(usize, Places<'_>)> Walker for Finder<'_, F> {
+    #[inline(always)]
+    fn begin(&mut self, lane: usize, way: usize) {
+        let (found, Way { step, steps, .. }) = (&mut self.lanes[lane], self.ways[way]);
+        (found.way, found.steps, found.stretch) = (way, steps, step / self.cell_size);
+        (found.limited, found.depth) = (1.0, 0.0);
+        found.occupied.clear();
+    }
+
+    #[inline(always)]
+    fn meet(&mut self, lane: usize, step: usize, optical: f32) -> bool {
+        let (found, limit) = (&mut self.lanes[lane], self.placing.opacity_limit);
+        let optical = optical * found.stretch;
+        found.depth += optical;
+        let alpha = if optical < self.saturated { 1.0 - (-optical).exp() } else { limit };
+        found.raise(step, found.limited * alpha);
+        found.limited *= 1.0 - alpha;
+        found.limited >= self.placing.end
+    }
+
+    #[inline(always)]
+    fn end(&mut self, lane: usize) {
+        let found = &self.lanes[lane];
+        found.divide(self.placing.uniform_share, self.stretches);
+        let Way { near, step, .. } = self.ways[found.way];
+        (self.one)(found.way, Places { stretches: self.stretches, near, step, far: self.far[found.way] });
+    }
+}
+
+/// Shadow rays that find whether anything is in their way.
+struct Clear<'a> {
+    cell_size: f32,
+    ways: &'a [Way],
+    lanes: [usize; LANES],
+    depths: &'a mut [f32],
+}
+
+impl Walker for Clear<'_> {
+    #[inline(always)]
+    fn begin(&mut self, lane: usize, way: usize) {
+        self.lanes[lane] = way;
+    }
+
+    #[inline(always)]
+    fn meet(&mut self, lane: usize, _: usize, optical: f32) -> bool {
+        let way = self.lanes[lane];
+        self.depths[way] += optical * (self.ways[way].step / self.cell_size);
+        self.depths[way] <= SHADING
+    }
+
+    #[inline(always)]
+    fn end(&mut self, _: usize) {}
+}
+
+impl Guide<'_> {
+    /// Whether the density grid knows of nothing, between two distances along each ray, that could shade what lies behind.
+    pub fn are_clear(&self, rays: impl Iterator<Item = (Ray, Span)>) -> impl Iterator<Item = bool> {
+        let ways: Vec<Way> = rays.map(|(ray, span)| self.way(ray, span)).collect();
+        let (mut depths, cell_size) = (vec![0f32; ways.len()], self.density.cell_size());
+        let mut clear = Clear { cell_size, ways: &ways, lanes: [0; LANES], depths: &mut depths };
+        walk(self.simd, self.density, &ways, &mut clear);
+        depths.into_iter().map(|depth| depth <= SHADING)
+    }
+
+    /// Finds where samples are worth placing along rays, between two distances each, and tells `one` of each ray, in no order: its
+    /// number, and its places. Those of pictures are placed otherwise than those that are `random`.
     pub fn guided(
         &self,
-        (origin, direction): ([f32; 3], [f32; 3]),
-        (near, far): (f32, f32),
-        jitter: Option<&dyn Fn(usize) -> f32>,
+        rays: impl Iterator<Item = (Ray, Span)>,
+        random: bool,
         scratch: &mut GuideScratch,
-        t: &mut [f32],
+        one: impl FnMut(usize, Places<'_>),
     ) {
-        let Some((last, t)) = t.split_last_mut() else { return };
-        *last = far;
-        // Cells as long as the shortest side of the box allows, unless that makes too many of them.
+        let GuideScratch { ways, far, lanes, stretches } = scratch;
+        ways.clear();
+        far.clear();
+        for (ray, span) in rays {
+            let way = self.way(ray, span);
+            ways.push(Way { steps: way.steps.max(1), ..way });
+            far.push(span.1);
+        }
+        let placing = if random { TRAINING } else { DRAWING };
+        let (saturated, cell_size) = (-(1.0 - placing.opacity_limit).ln(), self.density.cell_size());
+        let mut finder = Finder { placing, saturated, cell_size, ways, far, lanes, stretches, one };
+        walk(self.simd, self.density, ways, &mut finder);
+    }
+
+    /// A ray's way, in steps as long as the shortest edge of a cell, unless that makes too many of them.
+    fn way(&self, (origin, direction): Ray, (near, far): Span) -> Way {
         let step = self.density.cell_size().max((far - near) / MOST_BINS as f32);
-        let stretch = step / self.density.cell_size();
-        let bins = (((far - near) / step).ceil() as usize).clamp(1, MOST_BINS);
-        scratch.occupied.clear();
-        let (o, mut limited, mut depth) = (self.cube.map(origin), 1f32, 0f32);
-        let d = self.cube.map_direction(direction);
-        let (least, limit) = match jitter {
-            Some(_) => (UNIFORM_SHARE, OPACITY_LIMIT),
-            None => (UNIFORM_SHARE_DRAWING, OPACITY_LIMIT_DRAWING),
-        };
-        dispatch!(self.simd, simd => simd.vectorize(
-            #[inline(always)]
-            || {
-                for (b, optical) in Walk::new(simd, self.density, (o, d), (near, step, bins)) {
-                    let optical = optical * stretch;
-                    if optical == 0.0 {
-                        continue;
-                    }
-                    depth += optical;
-                    let alpha = (1.0 - (-optical).exp()).min(limit);
-                    // A surface may lie just outside the cell that knows of it.
-                    for near_by in b.saturating_sub(1)..(b + 2).min(bins) {
-                        scratch.raise(near_by, limited * alpha);
-                    }
-                    limited *= 1.0 - alpha;
-                    if limited < TRANSMITTANCE_END {
-                        break;
-                    }
-                }
-            },
-        ));
-        let total: f32 = scratch.occupied.iter().map(|(_, chance)| chance).sum();
-        let uniform = if total > 0.0 { least + (1.0 - least) * (-depth).exp() } else { 1.0 };
-        let scale = if total > 0.0 { (1.0 - uniform) / total } else { 0.0 };
-        scratch.divide(bins, scale, uniform / bins as f32);
-        let end = |stretch: usize| (near + scratch.ends[stretch] as f32 * step).min(far);
-        match jitter {
-            Some(jitter) => draw(&scratch.mass, near, end, jitter, t),
-            None => draw(&scratch.mass, near, end, |_| 0.5, t),
+        Way {
+            origin: self.cube.map(origin),
+            direction: self.cube.map_direction(direction),
+            near,
+            step,
+            steps: ((far - near) / step).ceil() as usize,
         }
     }
 }
 
 #[cfg(test)]
 pub(crate) mod tests {
+    use std::iter;
+
     use super::*;
     use crate::march::tests::{BOUNDS, assert_ascends, assert_tiles, direction, origin};
     use crate::walk::tests::{aimed, grid_of, step_by_step};
@@ -165,19 +269,31 @@ pub(crate) mod tests {
         Guide { simd: Level::new(), density, cube }
     }
 
+    /// Samples of one ray.
+    pub(crate) fn place(
+        guide: Guide<'_>,
+        ray: Ray,
+        span: Span,
+        jitter: Option<&dyn Fn(usize) -> f32>,
+        t: &mut [f32],
+    ) {
+        let mut placed = 0;
+        guide.guided(iter::once((ray, span)), jitter.is_some(), &mut GuideScratch::default(), |i, places| {
+            assert_eq!(i, 0);
+            placed += 1;
+            places.draw(|k| jitter.map_or(0.5, |jitter| jitter(k)), t);
+        });
+        assert_eq!(placed, 1);
+    }
+
     /// Density of the background and of some cells.
     fn occupied() -> impl Strategy<Value = (f32, Vec<(usize, f32)>)> {
         let seen = proptest::collection::vec((0usize..4096, 0f32..2000.0), 0..20);
         (prop_oneof![Just(0f32), Just(1.0), Just(1e30)], seen)
     }
 
-    /// [`Guide::is_clear`], looking at every cell.
-    fn is_clear_cell_by_cell(
-        grid: &DensityGrid,
-        cube: &UnitCube,
-        ray: ([f32; 3], [f32; 3]),
-        span: (f32, f32),
-    ) -> bool {
+    /// [`Guide::are_clear`] of a ray, looking at every cell.
+    fn is_clear_cell_by_cell(grid: &DensityGrid, cube: &UnitCube, ray: Ray, span: Span) -> bool {
         let steps = ((span.1 - span.0) / grid.cell_size()).ceil() as usize;
         let ray = (cube.map(ray.0), cube.map_direction(ray.1));
         step_by_step(grid, ray, (span.0, grid.cell_size(), steps)).sum::<f32>() <= SHADING
@@ -187,8 +303,8 @@ pub(crate) mod tests {
     fn guided_step_by_step(
         grid: &DensityGrid,
         cube: &UnitCube,
-        (origin, direction): ([f32; 3], [f32; 3]),
-        (near, far): (f32, f32),
+        (origin, direction): Ray,
+        (near, far): Span,
         t: &mut [f32],
     ) {
         let (step, o) = (grid.cell_size(), cube.map(origin));
@@ -196,17 +312,21 @@ pub(crate) mod tests {
         let bins = (((far - near) / step).ceil() as usize).max(1);
         let (mut weight, mut limited, mut depth) = (vec![0f32; bins + 2], 1.0, 0f32);
         for (b, optical) in step_by_step(grid, (o, d), (near, step, bins)).enumerate() {
-            let alpha = (1.0 - (-optical).exp()).min(OPACITY_LIMIT);
+            let alpha = (1.0 - (-optical).exp()).min(TRAINING.opacity_limit);
             depth += optical;
             weight[b + 1] = limited * alpha;
             limited *= 1.0 - alpha;
-            if limited < TRANSMITTANCE_END {
+            if limited < TRAINING.end {
                 break;
             }
         }
         let mut mass: Vec<f32> = weight.windows(3).map(|w| w[0].max(w[1]).max(w[2])).collect();
         let total: f32 = mass.iter().sum();
-        let share = if total > 0.0 { UNIFORM_SHARE + (1.0 - UNIFORM_SHARE) * (-depth).exp() } else { 1.0 };
+        let share = if total > 0.0 {
+            TRAINING.uniform_share + (1.0 - TRAINING.uniform_share) * (-depth).exp()
+        } else {
+            1.0
+        };
         let scale = if total > 0.0 { (1.0 - share) / total } else { 0.0 };
         mass.iter_mut().for_each(|m| *m = *m * scale + share / bins as f32);
         let (last, t) = t.split_last_mut().unwrap();
@@ -229,7 +349,7 @@ pub(crate) mod tests {
             let steps = ((far - near) / grid.cell_size()).floor();
             let (ray, span) = ((origin, direction), (near, near + (steps - 1e-3).max(0.0) * grid.cell_size()));
             let (mut t, mut plain) = ([0f32; 24], [0f32; 24]);
-            guide(&grid, &cube).guided(ray, span, Some(&|_| 0.5), &mut GuideScratch::default(), &mut t);
+            place(guide(&grid, &cube), ray, span, Some(&|_| 0.5), &mut t);
             guided_step_by_step(&grid, &cube, ray, span, &mut plain);
             let slack = 1e-3 * (span.1 - span.0) + 1e-6;
             prop_assert!(t.iter().zip(&plain).all(|(t, p)| (t - p).abs() <= slack), "{t:?} {plain:?}");
@@ -242,7 +362,8 @@ pub(crate) mod tests {
             let (cube, grid) = (UnitCube::new(&BOUNDS), grid_of(&cells, density));
             let span = cube.clip(ray.0, ray.1);
             let plain = is_clear_cell_by_cell(&grid, &cube, ray, span);
-            prop_assert_eq!(guide(&grid, &cube).is_clear(ray, span), plain);
+            let clear: Vec<bool> = guide(&grid, &cube).are_clear(iter::once((ray, span))).collect();
+            prop_assert_eq!(clear, [plain]);
         }
 
         #[test]
@@ -257,7 +378,7 @@ pub(crate) mod tests {
             let mut t = vec![f32::NAN; n];
             let jitter = seed.map(|seed| move |i: usize| Random::new(seed, 0).uniform_at(i as u64));
             let jitter = jitter.as_ref().map(|j| j as &dyn Fn(usize) -> f32);
-            guide(&grid, &cube).guided((origin, direction), span, jitter, &mut GuideScratch::default(), &mut t);
+            place(guide(&grid, &cube), (origin, direction), span, jitter, &mut t);
             assert_ascends(&t, span);
             prop_assert_eq!(t[n - 1], span.1);
             assert_tiles(&t, span);
@@ -273,7 +394,7 @@ pub(crate) mod tests {
             let grid = DensityGrid::uniform(&bounds, 16, density);
             let (ray, span) = (([0.05, 0.05, -1.0], [0.0, 0.0, 1.0]), (1.0, 31.0));
             let mut t = vec![f32::NAN; 61];
-            guide(&grid, &cube).guided(ray, span, None, &mut GuideScratch::default(), &mut t);
+            place(guide(&grid, &cube), ray, span, None, &mut t);
             let ends = (t[0], t[59]);
             assert!(ends.0 < 2.0 && ends.1 > 30.0 && ends.1 <= 31.0, "density {density}: {ends:?}");
         }
@@ -292,7 +413,7 @@ pub(crate) mod tests {
         let ray = ([0.1, 0.3, 0.0], [0.0, 0.0, 1.0]);
         let near_slab = |jitter: Option<&dyn Fn(usize) -> f32>| {
             let mut t = vec![f32::NAN; 101];
-            guide(&grid, &cube).guided(ray, (2.0, 4.0), jitter, &mut GuideScratch::default(), &mut t);
+            place(guide(&grid, &cube), ray, (2.0, 4.0), jitter, &mut t);
             // The slab fills 3.0 to 3.03 m.
             t[..100].iter().filter(|t| (2.95..3.1).contains(*t)).count()
         };

@@ -3,68 +3,41 @@
 //! Rays of neighbouring pixels go through the same cells nearly all the way. Where samples are not random, in pictures and
 //! the scores of pictures, the first ray of a packet looks at the grid and the others take their samples where it does.
 
-use crate::guide::{Guide, GuideScratch};
+use relight_field::engine::Rays;
+
+use crate::guide::Span;
 
 /// Cells of the density grid that a ray may be away from the first of its packet.
 const WIDTH: f32 = 0.5;
 
-/// The first ray of the packet at hand, and memory for the next.
-#[derive(Default)]
-pub struct Packet {
-    first: Option<First>,
-    /// The first ray's samples, metres.
-    t: Vec<f32>,
-    scratch: GuideScratch,
-}
-
-struct First {
-    origin: [f32; 3],
-    direction: [f32; 3],
-    /// Where it enters and leaves the box, metres.
-    span: (f32, f32),
-}
-
-impl Packet {
-    /// Begins anew: other rays, or another field.
-    pub fn clear(&mut self) {
-        self.first = None;
-    }
-
-    /// Places the samples `t` (metres, ascending) of the next ray, of an origin and a unit direction: as [`Guide::guided`] does, or
-    /// where those of its packet's first ray are.
-    pub fn place(
-        &mut self,
-        guide: Guide<'_>,
-        (origin, direction): ([f32; 3], [f32; 3]),
-        span: (f32, f32),
-        jitter: Option<&dyn Fn(usize) -> f32>,
-        t: &mut [f32],
-    ) {
-        let first = First { origin, direction, span };
-        let is_close = |other: &First| other.is_close(&first, guide.density.cell_size());
-        if jitter.is_none() && self.first.as_ref().is_some_and(is_close) && self.t.len() == t.len() {
-            t.iter_mut().zip(&self.t).for_each(|(t, first)| *t = first.clamp(span.0, span.1));
-            if let Some(last) = t.last_mut() {
-                *last = span.1;
-            }
-            return;
+/// The first ray of each ray's packet, into `firsts`, in a grid of cells of `cell` metres; `spans` are the distances at which rays enter
+/// and leave the box.
+pub fn first_rays(rays: &Rays, spans: &[Span], cell: f32, firsts: &mut Vec<usize>) {
+    firsts.clear();
+    let mut first = 0;
+    for ray in 0..spans.len() {
+        if !are_close(rays, spans, (first, ray), cell) {
+            first = ray;
         }
-        guide.guided((origin, direction), span, jitter, &mut self.scratch, t);
-        self.first = jitter.is_none().then_some(first);
-        self.t.clear();
-        self.t.extend_from_slice(t);
+        firsts.push(first);
     }
 }
 
-impl First {
-    /// Whether another ray stays close to this one all the way through the box, and enters and leaves it where this one does.
-    fn is_close(&self, other: &Self, cell: f32) -> bool {
-        let apart =
-            self.direction.iter().zip(other.direction).map(|(a, b)| (a - b).powi(2)).sum::<f32>().sqrt();
-        let ends = [(self.span.0, other.span.0), (self.span.1, other.span.1)];
-        self.origin == other.origin
-            && apart * other.span.1 <= WIDTH * cell
-            && ends.iter().all(|(a, b)| (a - b).abs() <= cell)
+/// Whether two rays stay close to each other all the way through the box, and enter and leave it together.
+fn are_close(rays: &Rays, spans: &[Span], (a, b): (usize, usize), cell: f32) -> bool {
+    let directions = rays.directions[a].iter().zip(rays.directions[b]);
+    let apart = directions.map(|(a, b)| (a - b).powi(2)).sum::<f32>().sqrt();
+    let ends = [(spans[a].0, spans[b].0), (spans[a].1, spans[b].1)];
+    rays.origins[a] == rays.origins[b]
+        && apart * spans[b].1 <= WIDTH * cell
+        && ends.iter().all(|(a, b)| (a - b).abs() <= cell)
+}
+
+/// The samples of a ray, `t`, from those of its packet's first ray, all of them distances in metres.
+pub fn take_places((near, far): Span, t: &mut [f32]) {
+    t.iter_mut().for_each(|t| *t = t.clamp(near, far));
+    if let Some(last) = t.last_mut() {
+        *last = far;
     }
 }
 
@@ -72,29 +45,37 @@ impl First {
 mod tests {
     use super::*;
     use crate::density_grid::DensityGrid;
-    use crate::guide::tests::guide;
+    use crate::guide::tests::{guide, place};
     use crate::march::UnitCube;
     use crate::march::tests::{BOUNDS, assert_ascends, assert_tiles};
     use relight_field::random::Random;
 
     const SAMPLES: usize = 16;
 
-    /// Samples of each of these rays, all from `origin`, in one packet after the other; and of each by itself.
-    fn place(grid: &DensityGrid, origin: [f32; 3], directions: &[[f32; 3]]) -> Vec<([f32; 16], [f32; 16])> {
-        let (cube, mut packet) = (UnitCube::new(&BOUNDS), Packet::default());
-        let guide = guide(grid, &cube);
-        let one = |&direction: &[f32; 3]| {
-            let span = cube.clip(origin, direction);
-            let (mut t, mut alone) = ([f32::NAN; SAMPLES], [f32::NAN; SAMPLES]);
-            packet.place(guide, (origin, direction), span, None, &mut t);
-            let (ray, mut scratch) = ((origin, direction), GuideScratch::default());
-            guide.guided(ray, span, None, &mut scratch, &mut alone);
-            assert_ascends(&t, span);
-            assert_tiles(&t, span);
-            assert_eq!(t[SAMPLES - 1], span.1);
-            (t, alone)
+    /// Samples of each of these rays, in one packet after the other; and of each by itself.
+    fn place_all(grid: &DensityGrid, rays: &[([f32; 3], [f32; 3])]) -> Vec<([f32; 16], [f32; 16])> {
+        let (cube, mut firsts) = (UnitCube::new(&BOUNDS), Vec::new());
+        let spans: Vec<Span> = rays.iter().map(|ray| cube.clip(ray.0, ray.1)).collect();
+        let (origins, directions) = rays.iter().copied().unzip();
+        first_rays(&Rays { origins, directions }, &spans, grid.cell_size(), &mut firsts);
+        let alone = rays.iter().zip(&spans).map(|(&ray, &span)| {
+            let mut t = [f32::NAN; SAMPLES];
+            place(guide(grid, &cube), ray, span, None, &mut t);
+            t
+        });
+        let alone: Vec<_> = alone.collect();
+        let one = |ray: usize| {
+            assert!(firsts[ray] <= ray && firsts[firsts[ray]] == firsts[ray]);
+            let mut t = alone[firsts[ray]];
+            if firsts[ray] != ray {
+                take_places(spans[ray], &mut t);
+            }
+            assert_ascends(&t, spans[ray]);
+            assert_tiles(&t, spans[ray]);
+            assert_eq!(t[SAMPLES - 1], spans[ray].1);
+            (t, alone[ray])
         };
-        directions.iter().map(one).collect()
+        (0..rays.len()).map(one).collect()
     }
 
     fn unit(d: [f32; 3]) -> [f32; 3] {
@@ -107,13 +88,12 @@ mod tests {
         let grid = DensityGrid::uniform(&BOUNDS, 64, 0.0);
         let random = Random::new(3, 0);
         (0..3000).for_each(|i| grid.observe((random.u64_at(i) % (64 * 64 * 64)) as usize, 400.0));
-        let origin = [0.1, 0.4, -1.0];
-        let directions: Vec<_> = (0..60).map(|i| unit([0.0004 * i as f32, 0.0, 1.0])).collect();
+        let rays: Vec<_> = (0..60).map(|i| ([0.1, 0.4, -1.0], unit([0.0004 * i as f32, 0.0, 1.0]))).collect();
         let (mut first, mut firsts) = (0, 0);
-        let placed = place(&grid, origin, &directions);
+        let placed = place_all(&grid, &rays);
         for (i, (t, alone)) in placed.iter().enumerate() {
             // They leave the box 5 m away.
-            let apart = (directions[i][0] - directions[first][0]) * 5.0;
+            let apart = (rays[i].1[0] - rays[first].1[0]) * 5.0;
             if i == 0 || apart > 0.5 * grid.cell_size() {
                 (first, firsts) = (i, firsts + 1);
                 assert_eq!(t, alone);
@@ -132,27 +112,22 @@ mod tests {
         let hair = 0.1 * grid.cell_size();
         // Along the face x = 1, outside and in; then inside and out.
         for (x, slope) in [(1.0 + hair, -0.5 * hair), (1.0 - hair, 0.7 * hair)] {
-            for (t, alone) in place(&grid, [x, 0.4, 1.0], &[[0.0, 0.0, 1.0], unit([slope, 0.0, 1.0])]) {
+            let origin = [x, 0.4, 1.0];
+            for (t, alone) in
+                place_all(&grid, &[(origin, [0.0, 0.0, 1.0]), (origin, unit([slope, 0.0, 1.0]))])
+            {
                 assert_eq!(t, alone);
             }
         }
     }
 
     #[test]
-    fn other_origins_and_random_samples_are_rays_by_themselves() {
-        let (cube, grid) = (UnitCube::new(&BOUNDS), DensityGrid::uniform(&BOUNDS, 64, 0.0));
+    fn rays_from_elsewhere_are_rays_by_themselves() {
+        let grid = DensityGrid::uniform(&BOUNDS, 64, 0.0);
         grid.observe(grid.cell([0.5, 0.5, 0.5]), 400.0);
-        let (guide, mut packet) = (guide(&grid, &cube), Packet::default());
-        let draw = |k: usize| k as f32 / SAMPLES as f32;
-        let draw: Option<&dyn Fn(usize) -> f32> = Some(&draw);
-        let rays = [([0.0, 0.4, 0.0], None), ([1e-3, 0.4, 0.0], None), ([1e-3, 0.4, 0.0], draw)];
-        for (origin, jitter) in rays.into_iter().chain([rays[1]]) {
-            let ray = (origin, [0.0, 0.0, 1.0]);
-            let span = cube.clip(origin, ray.1);
-            let (mut t, mut own) = ([f32::NAN; SAMPLES], [f32::NAN; SAMPLES]);
-            packet.place(guide, ray, span, jitter, &mut t);
-            guide.guided(ray, span, jitter, &mut GuideScratch::default(), &mut own);
-            assert_eq!(t, own);
+        let rays = [0.0, 1e-3, 0.0].map(|x| ([x, 0.4, 0.0], [0.0, 0.0, 1.0]));
+        for (t, alone) in place_all(&grid, &rays) {
+            assert_eq!(t, alone);
         }
     }
 }

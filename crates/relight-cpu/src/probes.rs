@@ -80,14 +80,22 @@ impl<'a> Probes<'a> {
         let (each, mut transmittance) = (lights.len() / points.len().max(1), vec![1.0; lights.len()]);
         // Most see their light through empty cells: nothing has to be evaluated for those.
         let gap = CLEARANCE * marcher.density.cell_size();
+        let shadow_rays: Vec<_> = (0..)
+            .zip(lights)
+            .map(|(probe, light)| {
+                let point = points[probe / each];
+                let (direction, length) = toward(point, light.position);
+                ((along(point, direction, gap), direction), (length - gap).max(0.0))
+            })
+            .collect();
+        let spans = shadow_rays.iter().map(|&(ray, length)| {
+            let (near, far) = marcher.cube.clip(ray.0, ray.1);
+            (ray, (near, far.min(length)))
+        });
         let (mut rays, mut lengths, mut shaded) = (Rays::default(), Vec::new(), Vec::new());
-        for (probe, light) in lights.iter().enumerate() {
-            let point = points[probe / each];
-            let (direction, length) = toward(point, light.position);
-            let (origin, length) = (along(point, direction, gap), (length - gap).max(0.0));
-            let (near, far) = marcher.cube.clip(origin, direction);
-            let span = (near, far.min(length));
-            if !marcher.guide().is_clear((origin, direction), span) {
+        for (probe, clear) in marcher.guide().are_clear(spans).enumerate() {
+            let ((origin, direction), length) = shadow_rays[probe];
+            if !clear {
                 rays.origins.push(origin);
                 rays.directions.push(direction);
                 lengths.push(length);

@@ -9,11 +9,11 @@ use relight_field::sampling::Sampling;
 
 use crate::dense::padded;
 use crate::density_grid::DensityGrid;
-use crate::guide::Guide;
+use crate::guide::{Guide, GuideScratch, Span};
 use crate::hash_grid::{HashGrid, TiledPositions, set_position};
 use crate::march::{self, UnitCube, along};
 use crate::networks::Networks;
-use crate::packet::Packet;
+use crate::packet::{first_rays, take_places};
 use crate::pool::Pool;
 use crate::tile::{TileRays, Workspace};
 
@@ -78,7 +78,13 @@ pub struct SampleBatch {
     pub marched: StageCost,
     /// See `marched`.
     pub encoded: StageCost,
-    packet: Packet,
+    /// Where rays enter and leave the box.
+    spans: Vec<Span>,
+    /// The first ray of each ray's packet.
+    firsts: Vec<usize>,
+    /// The first rays of packets.
+    alone: Vec<usize>,
+    scratch: GuideScratch,
 }
 
 impl SampleBatch {
@@ -109,14 +115,7 @@ impl SampleBatch {
         match sampling {
             Sampling::Guided { samples } => {
                 self.shape(rays, tile_rays, samples);
-                let (shape, places) = ((tile_rays, samples), (&mut self.t[..], &mut self.lengths[..]));
-                self.packet.clear();
-                place_each(&marcher.cube, rays, shape, places, |ray, span, t| {
-                    let draw = |k| jitter.at(ray, k);
-                    let draw: Option<&dyn Fn(usize) -> f32> = jitter.0.is_some().then_some(&draw);
-                    let along = (rays.origins[ray], rays.directions[ray]);
-                    self.packet.place(marcher.guide(), along, span, draw, t);
-                });
+                self.guide(marcher, rays, jitter);
             }
             Sampling::Stratified { coarse, fine } => {
                 self.shape(rays, tile_rays, coarse);
@@ -132,16 +131,47 @@ impl SampleBatch {
         self.marched.seconds = started.elapsed().as_secs_f64() - self.encoded.seconds;
     }
 
+    /// Places samples where the density grid says that something is.
+    fn guide(&mut self, marcher: &Marcher<'_>, rays: &Rays, jitter: Jitter) {
+        let ray = |ray: usize| (rays.origins[ray], rays.directions[ray]);
+        let (n, shape) = (rays.origins.len(), (self.tile_rays, self.samples));
+        let columns = |ray: usize| {
+            let first = first_column(ray, shape);
+            first..first + shape.1
+        };
+        let Self { spans, firsts, alone, scratch, t, lengths, .. } = self;
+        spans.clear();
+        spans.extend((0..n).map(ray).map(|(origin, direction)| marcher.cube.clip(origin, direction)));
+        firsts.clear();
+        match jitter.0 {
+            Some(_) => firsts.extend(0..n),
+            None => first_rays(rays, spans, marcher.density.cell_size(), firsts),
+        }
+        alone.clear();
+        alone.extend((0..n).filter(|&ray| firsts[ray] == ray));
+        let guided = alone.iter().map(|&i| (ray(i), spans[i]));
+        marcher.guide().guided(guided, jitter.0.is_some(), scratch, |i, places| {
+            places.draw(|k| jitter.at(alone[i], k), &mut t[columns(alone[i])]);
+        });
+        for (ray, (&first, &span)) in firsts.iter().zip(&*spans).enumerate() {
+            if first != ray {
+                t.copy_within(columns(first), columns(ray).start);
+                take_places(span, &mut t[columns(ray)]);
+            }
+            march::interval_lengths(&t[columns(ray)], span, &mut lengths[columns(ray)]);
+        }
+    }
+
     /// Where in `t` and `lengths` a sample of a ray is.
     pub fn column_of(&self, ray: usize, sample: usize) -> usize {
-        ray / self.tile_rays * self.columns + ray % self.tile_rays * self.samples + sample
+        first_column(ray, (self.tile_rays, self.samples)) + sample
     }
 
     /// Adds `fine` samples a ray, drawn from the weights of those at hand (paper section 4.3; Mildenhall et al.
     /// 2020, section 5.2).
     fn refine(&mut self, marcher: &Marcher<'_>, rays: &Rays, fine: usize, jitter: Jitter) {
         self.encode(marcher, rays);
-        let (coarse, tile_rays, columns) = (self.samples, self.tile_rays, self.columns);
+        let (coarse, tile_rays) = (self.samples, self.tile_rays);
         let mut weights: Vec<f32> = Vec::with_capacity(self.t.len());
         marcher.workspaces.with(Workspace::default, |workspace| {
             for tile in 0..self.tiles(rays) {
@@ -153,7 +183,7 @@ impl SampleBatch {
         self.shape(rays, tile_rays, coarse + fine);
         let (shape, places) = ((tile_rays, coarse + fine), (&mut self.t[..], &mut self.lengths[..]));
         place_each(&marcher.cube, rays, shape, places, |ray, span, t| {
-            let start = ray / tile_rays * columns + ray % tile_rays * coarse;
+            let start = first_column(ray, (tile_rays, coarse));
             let (old, weights) = (&old_t[start..start + coarse], &weights[start..start + coarse]);
             let (first, rest) = t.split_at_mut(coarse);
             first.copy_from_slice(old);
@@ -243,19 +273,24 @@ impl SampleBatch {
     }
 }
 
+/// The column of a ray's first sample, in tiles of `tile_rays` rays with `samples` samples each.
+fn first_column(ray: usize, (tile_rays, samples): (usize, usize)) -> usize {
+    ray / tile_rays * padded(tile_rays * samples) + ray % tile_rays * samples
+}
+
 /// Places the samples of every ray, in tiles of `tile_rays` rays with `samples` samples each: calls
 /// `one(ray, span, t)`, `span` being where the ray is inside the box, to fill `t`, and works out their lengths.
 fn place_each(
     cube: &UnitCube,
     rays: &Rays,
-    (tile_rays, samples): (usize, usize),
+    shape: (usize, usize),
     (t, lengths): (&mut [f32], &mut [f32]),
     mut one: impl FnMut(usize, (f32, f32), &mut [f32]),
 ) {
-    let columns = padded(tile_rays * samples);
     for (ray, (&origin, &direction)) in rays.origins.iter().zip(&rays.directions).enumerate() {
-        let start = ray / tile_rays * columns + ray % tile_rays * samples;
-        let (t, lengths) = (&mut t[start..start + samples], &mut lengths[start..start + samples]);
+        let start = first_column(ray, shape);
+        let here = start..start + shape.1;
+        let (t, lengths) = (&mut t[here.clone()], &mut lengths[here]);
         let span = cube.clip(origin, direction);
         one(ray, span, t);
         march::interval_lengths(t, span, lengths);

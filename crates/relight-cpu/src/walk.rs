@@ -1,100 +1,189 @@
-//! A ray's way through the density grid, a step at a time, over all bricks in which nothing is: empty-space skipping.
+//! Ways of rays through the density grid, a step at a time, over all bricks in which nothing is: empty-space skipping.
+//!
+//! Where a step begins is known only after the one before, so sixteen rays go beside each other, in the lanes of vectors; when one
+//! is at its end, the next ray takes its lane.
 
-use fearless_simd::{Simd, f32x4, i32x4, prelude::*};
+use fearless_simd::{Level, Simd, dispatch, f32x16, i32x16, prelude::*};
 
 use crate::density_grid::{BRICK, DensityGrid};
 
-/// The steps of a ray at which something may be: each with the optical depth of the cell that the ray meets in its middle, as long
-/// as a cell's edge. The three axes, and one that stands still, are the lanes of vectors.
-pub struct Walk<'a, S: Simd> {
-    simd: S,
-    grid: &'a DensityGrid,
-    /// Where the ray is at distance 0, in cells.
-    origin: f32x4<S>,
-    /// How far it goes a metre, in cells.
-    direction: f32x4<S>,
-    /// Distances from one face of a brick to the opposite one, metres; a huge number for faces that the ray runs along.
-    crossing: f32x4<S>,
-    /// Of a brick, the share that the ray has before it is `offset + sign * (share at lower coordinates)`: 1 where it goes to
-    /// higher ones, else 0.
-    offset: f32x4<S>,
-    /// -1 where the ray goes to higher coordinates, else 1.
-    sign: f32x4<S>,
+/// Rays that go beside each other.
+pub const LANES: usize = 16;
+/// Steps of a way, at most: as many as single precision counts.
+const MOST_STEPS: usize = 1 << 23;
+
+/// The way of a ray in the unit cube.
+#[derive(Clone, Copy, Debug)]
+pub struct Way {
+    /// Where the ray is at distance 0.
+    pub origin: [f32; 3],
+    /// How far it goes a metre.
+    pub direction: [f32; 3],
     /// Where the first step begins, metres.
-    near: f32,
-    /// Length of a step, metres, and its inverse.
-    step: f32,
-    steps_a_metre: f32,
-    /// The step that is looked at next, of all steps.
-    next: usize,
-    steps: usize,
+    pub near: f32,
+    /// Length of a step, metres.
+    pub step: f32,
+    /// Steps, at most 2^23.
+    pub steps: usize,
 }
 
-impl<'a, S: Simd> Walk<'a, S> {
-    /// `steps` steps of length `step` from `near` on, metres, of the ray from `origin` along `direction` (a metre) in the unit
-    /// cube.
-    #[inline(always)]
-    pub fn new(
-        simd: S,
-        grid: &'a DensityGrid,
-        (origin, direction): ([f32; 3], [f32; 3]),
-        (near, step, steps): (f32, f32, usize),
-    ) -> Self {
-        let lanes = |[x, y, z]: [f32; 3], rest| f32x4::simd_from(simd, [x, y, z, rest]);
-        let cells = f32x4::splat(simd, grid.resolution() as f32);
-        let direction = lanes(direction, 0.0) * cells;
-        let [zero, one] = [0.0, 1.0].map(|v| f32x4::splat(simd, v));
-        let forward = direction.simd_ge(zero);
-        let length = direction.max(zero - direction);
-        let crossing = f32x4::splat(simd, BRICK as f32) / length;
-        Self {
-            simd,
-            grid,
-            origin: lanes(origin, 0.0) * cells,
-            direction,
-            crossing: crossing.min(f32x4::splat(simd, f32::MAX)),
-            offset: forward.select(one, zero),
-            sign: forward.select(zero - one, one),
-            near,
-            step,
-            steps_a_metre: 1.0 / step,
-            next: 0,
-            steps,
-        }
-    }
+/// What rays do on their ways.
+pub trait Walker {
+    /// The way of this number begins, in a lane that is free.
+    fn begin(&mut self, lane: usize, way: usize);
+
+    /// The ray in `lane` takes a step at which something is: `optical` is the optical depth, above 0, of the cell that it meets in
+    /// the step's middle, as long as the cell's edge. Whether the ray goes on.
+    fn meet(&mut self, lane: usize, step: usize, optical: f32) -> bool;
+
+    /// The ray in `lane` is at its end, and the lane is free.
+    fn end(&mut self, lane: usize);
 }
 
-impl<S: Simd> Iterator for Walk<'_, S> {
-    type Item = (usize, f32);
+/// Rays on their ways, a number a lane.
+#[derive(Default)]
+#[repr(align(64))]
+struct Lanes {
+    /// Where the ray is at distance 0, in cells.
+    origin: [[f32; LANES]; 3],
+    /// How far it goes a metre, in cells.
+    direction: [[f32; LANES]; 3],
+    /// Distances from one face of a brick to the opposite one, metres; a huge number for faces that the ray runs along.
+    crossing: [[f32; LANES]; 3],
+    /// 1 where the ray goes to higher coordinates, else 0: less the share of a brick that lies at lower coordinates, and without
+    /// sign, it is the share that lies before the ray.
+    upward: [[f32; LANES]; 3],
+    /// See [`Way::near`].
+    near: [f32; LANES],
+    /// See [`Way::step`].
+    step: [f32; LANES],
+    steps_a_metre: [f32; LANES],
+    /// The step that is looked at next, of `steps`.
+    next: [i32; LANES],
+    steps: [i32; LANES],
+    /// A bit for each lane with a ray.
+    taken: u32,
+}
 
-    #[inline(always)]
-    fn next(&mut self) -> Option<(usize, f32)> {
-        let (simd, last) = (self.simd, self.grid.resolution() as i32 - 1);
-        while self.next < self.steps {
-            let at = self.near + (self.next as f32 + 0.5) * self.step;
-            let place = self.direction.mul_add(f32x4::splat(simd, at), self.origin);
-            // Only a ray that misses the box may be beyond what 32 bits hold, and to that any cell will do.
-            let cell = place.to_int::<i32x4<S>>();
-            let cell = cell.max(i32x4::splat(simd, 0)).min(i32x4::splat(simd, last));
-            let [x, y, z, _]: [i32; 4] = cell.into();
-            let cell = self.grid.cell_at([x, y, z].map(|c| c as usize));
-            let distance = self.grid.to_occupied(cell);
-            if distance == 0 {
-                self.next += 1;
-                return Some((self.next - 1, self.grid.optical_depth(cell)));
+impl Lanes {
+    /// Lets the next ray of `waiting` that has a way to go take a lane, through a grid of so many cells an axis.
+    fn take<'a>(
+        &mut self,
+        lane: usize,
+        cells: f32,
+        waiting: &mut impl Iterator<Item = (usize, &'a Way)>,
+        walker: &mut impl Walker,
+    ) {
+        self.taken &= !(1 << lane);
+        for (number, way) in waiting {
+            walker.begin(lane, number);
+            if way.steps > 0 {
+                self.set(lane, cells, way);
+                return;
             }
-            // All bricks nearer than that are empty as well.
-            let around = f32x4::splat(simd, f32::from(distance - 1));
-            let bricks = place * f32x4::splat(simd, 1.0 / BRICK as f32);
-            let within = bricks - bricks.trunc();
-            let ahead = (self.sign.mul_add(within, self.offset) + around) * self.crossing;
-            let [x, y, z, _]: [f32; 4] = ahead.into();
-            let nearer = |a: f32, b: f32| if a < b { a } else { b };
-            let steps = nearer(nearer(x, y), z) * self.steps_a_metre;
-            self.next = self.next.saturating_add((steps as usize).max(1));
+            walker.end(lane);
         }
-        None
     }
+
+    /// Where the rays are along an axis at these distances, in cells.
+    #[inline(always)]
+    fn place<S: Simd>(&self, simd: S, axis: usize, at: f32x16<S>) -> f32x16<S> {
+        let origin = f32x16::from_slice(simd, &self.origin[axis]);
+        f32x16::from_slice(simd, &self.direction[axis]).mul_add(at, origin)
+    }
+
+    /// Distances to the face of a brick, along an axis, that rays meet after so many bricks, metres, from these places in cells.
+    #[inline(always)]
+    fn ahead<S: Simd>(&self, simd: S, axis: usize, place: f32x16<S>, around: f32x16<S>) -> f32x16<S> {
+        let bricks = place * f32x16::splat(simd, 1.0 / BRICK as f32);
+        let within = bricks - bricks.trunc();
+        let before = (f32x16::from_slice(simd, &self.upward[axis]) - within).abs();
+        (before + around) * f32x16::from_slice(simd, &self.crossing[axis])
+    }
+
+    fn set(&mut self, lane: usize, cells: f32, way: &Way) {
+        for axis in 0..3 {
+            let direction = way.direction[axis] * cells;
+            self.origin[axis][lane] = way.origin[axis] * cells;
+            self.direction[axis][lane] = direction;
+            self.crossing[axis][lane] = (BRICK as f32 / direction.abs()).min(f32::MAX);
+            self.upward[axis][lane] = if direction >= 0.0 { 1.0 } else { 0.0 };
+        }
+        (self.near[lane], self.step[lane], self.steps_a_metre[lane]) = (way.near, way.step, 1.0 / way.step);
+        (self.next[lane], self.steps[lane]) = (0, way.steps.min(MOST_STEPS) as i32);
+        self.taken |= 1 << lane;
+    }
+}
+
+/// Sends rays along all `ways`.
+pub fn walk(level: Level, grid: &DensityGrid, ways: &[Way], walker: &mut impl Walker) {
+    dispatch!(level, simd => simd.vectorize(
+        #[inline(always)]
+        || walk_simd(simd, grid, ways, walker),
+    ));
+}
+
+#[inline(always)]
+fn walk_simd<S: Simd>(simd: S, grid: &DensityGrid, ways: &[Way], walker: &mut impl Walker) {
+    let cells = grid.resolution() as f32;
+    let (mut lanes, mut waiting) = (Lanes::default(), ways.iter().enumerate());
+    (0..LANES).for_each(|lane| lanes.take(lane, cells, &mut waiting, walker));
+    let [half, most] = [f32x16::splat(simd, 0.5), f32x16::splat(simd, MOST_STEPS as f32)];
+    let [zero, one] = [i32x16::splat(simd, 0), i32x16::splat(simd, 1)];
+    while lanes.taken != 0 {
+        let next = i32x16::from_slice(simd, &lanes.next);
+        let at = next.to_float::<f32x16<S>>() + half;
+        let at = at.mul_add(f32x16::from_slice(simd, &lanes.step), f32x16::from_slice(simd, &lanes.near));
+        let [x, y, z] = [lanes.place(simd, 0, at), lanes.place(simd, 1, at), lanes.place(simd, 2, at)];
+        // Only a ray that misses the box may be beyond what 32 bits hold, and to that any cell will do.
+        let cell = grid.cells_at(simd, [x.to_int(), y.to_int(), z.to_int()]);
+        let mut index = [0; LANES];
+        cell.store_slice(&mut index);
+        let mut away = [0; LANES];
+        for (away, &cell) in away.iter_mut().zip(&index) {
+            *away = i32::from(grid.to_occupied(cell as usize));
+        }
+        let away = i32x16::from_slice(simd, &away);
+        let occupied = away.simd_eq(zero);
+        // All bricks nearer than that are empty as well.
+        let around = (away - one).to_float::<f32x16<S>>();
+        let nearest = lanes.ahead(simd, 0, x, around).min(lanes.ahead(simd, 1, y, around));
+        let nearest = nearest.min(lanes.ahead(simd, 2, z, around));
+        let steps = nearest * f32x16::from_slice(simd, &lanes.steps_a_metre);
+        let steps = steps.min(most).to_int::<i32x16<S>>().max(one);
+        let after = next + occupied.select(one, steps);
+        let here: [i32; LANES] = next.into();
+        after.store_slice(&mut lanes.next);
+        // Cells of empty bricks are not worth waiting for.
+        occupied.select(cell, zero).store_slice(&mut index);
+        let mut optical = [0.0; LANES];
+        for (optical, &cell) in optical.iter_mut().zip(&index) {
+            *optical = grid.optical_depth(cell as usize);
+        }
+        let something = f32x16::from_slice(simd, &optical).simd_gt(f32x16::splat(simd, 0.0)) & occupied;
+        for lane in bits(something.to_bitmask() as u32 & lanes.taken) {
+            if !walker.meet(lane, here[lane] as usize, optical[lane]) {
+                lanes.next[lane] = lanes.steps[lane];
+            }
+        }
+        let through = i32x16::from_slice(simd, &lanes.next).simd_ge(i32x16::from_slice(simd, &lanes.steps));
+        for lane in bits(through.to_bitmask() as u32 & lanes.taken) {
+            walker.end(lane);
+            lanes.take(lane, cells, &mut waiting, walker);
+        }
+    }
+}
+
+/// Places of the bits of a number.
+#[inline(always)]
+fn bits(mut left: u32) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        (left != 0).then(|| {
+            let lowest = left.trailing_zeros() as usize;
+            left &= left - 1;
+            lowest
+        })
+    })
 }
 
 #[cfg(test)]
@@ -103,14 +192,49 @@ pub(crate) mod tests {
     use crate::dense::tests::levels;
     use crate::march::UnitCube;
     use crate::march::tests::{BOUNDS, origin};
-    use fearless_simd::{Level, dispatch};
     use proptest::prelude::*;
+    use relight_field::random::Random;
 
     /// An origin and a direction.
     pub(crate) type Ray = ([f32; 3], [f32; 3]);
 
-    fn walk(level: Level, grid: &DensityGrid, ray: Ray, steps: (f32, f32, usize)) -> Vec<(usize, f32)> {
-        dispatch!(level, simd => Walk::new(simd, grid, ray, steps).collect())
+    fn way((origin, direction): Ray, (near, step, steps): (f32, f32, usize)) -> Way {
+        Way { origin, direction, near, step, steps }
+    }
+
+    /// Notes what all ways meet, and that each begins and ends once.
+    struct Notes {
+        lanes: [Option<usize>; LANES],
+        met: Vec<Vec<(usize, f32)>>,
+        ended: Vec<bool>,
+        /// Meetings after which a ray does not go on.
+        most: usize,
+    }
+
+    impl Walker for Notes {
+        fn begin(&mut self, lane: usize, way: usize) {
+            assert_eq!(self.lanes[lane].replace(way), None);
+        }
+
+        fn meet(&mut self, lane: usize, step: usize, optical: f32) -> bool {
+            let way = self.lanes[lane].unwrap();
+            self.met[way].push((step, optical));
+            self.met[way].len() < self.most
+        }
+
+        fn end(&mut self, lane: usize) {
+            let way = self.lanes[lane].take().unwrap();
+            assert!(!std::mem::replace(&mut self.ended[way], true));
+        }
+    }
+
+    /// What all ways meet, until they have met `most` steps at which something is.
+    fn met(level: Level, grid: &DensityGrid, ways: &[Way], most: usize) -> Vec<Vec<(usize, f32)>> {
+        let n = ways.len();
+        let mut notes = Notes { lanes: [None; LANES], met: vec![Vec::new(); n], ended: vec![false; n], most };
+        walk(level, grid, ways, &mut notes);
+        assert!(notes.ended.iter().all(|&ended| ended));
+        notes.met
     }
 
     /// The depth of each step, one axis after the other and without stepping over anything.
@@ -156,8 +280,8 @@ pub(crate) mod tests {
             let (o, d, step) = (cube.map(origin), cube.map_direction(direction), 0.7 * grid.cell_size());
             let steps = ((far - near) / step).ceil() as usize;
             for level in levels() {
-                let met = walk(level, &grid, (o, d), (near, step, steps));
-                prop_assert!(met.iter().any(|&(_, depth)| depth > 0.0));
+                let met = met(level, &grid, &[way((o, d), (near, step, steps))], usize::MAX).remove(0);
+                prop_assert!(!met.is_empty() && met.iter().all(|&(_, depth)| depth > 0.0));
                 let mut met = met.into_iter().peekable();
                 for i in 0..steps {
                     let at = near + (i as f32 + 0.5) * step;
@@ -174,24 +298,32 @@ pub(crate) mod tests {
         }
     }
 
-    /// Rays along each axis, both ways, through one occupied brick of eight.
+    /// More rays than lanes, of many lengths, some of no step, through cells of all kinds.
     #[test]
-    fn whole_bricks_are_stepped_over() {
-        let rays = (0..3).flat_map(|axis| [(axis, false), (axis, true)]);
-        for (level, (axis, backward)) in rays.flat_map(|ray| levels().into_iter().map(move |l| (l, ray))) {
-            let at = |coordinate| {
-                let mut place = [0.5; 3];
-                place[axis] = coordinate;
-                place
-            };
-            let grid = DensityGrid::uniform(&BOUNDS, 64, 0.0);
-            grid.observe(grid.cell(at(0.3)), 500.0);
-            let mut direction = [0.0; 3];
-            direction[axis] = if backward { -1.0 } else { 1.0 };
-            let ray = (at(if backward { 1.0 } else { 0.0 }), direction);
-            let met = walk(level, &grid, ray, (0.0, 1.0 / 64.0, 64));
-            let brick = if backward { 40..48 } else { 16..24 };
-            assert!(met.into_iter().map(|(step, _)| step).eq(brick), "{level:?}, axis {axis}, {backward}");
+    fn each_of_many_rays_goes_its_own_way() {
+        let random = Random::new(7, 0);
+        let grid = DensityGrid::uniform(&BOUNDS, 64, 0.0);
+        for i in 0..80_000 {
+            let density = [0.0, 10.0, 500.0][(random.u64_at(2 * i) % 3) as usize];
+            grid.observe((random.u64_at(2 * i + 1) % (64 * 64 * 64)) as usize, density);
+        }
+        let number = |i: usize| random.uniform_at(1 << 20 | i as u64);
+        let ways: Vec<Way> = (0..100)
+            .map(|i| {
+                let [a, b]: [[f32; 3]; 2] = [0, 3].map(|k| [0, 1, 2].map(|axis| number(8 * i + k + axis)));
+                let steps = [0, 1, 37, 64, 90][i % 5];
+                way((a, [0, 1, 2].map(|axis| b[axis] - a[axis])), (0.0, 1.0 / 90.0, steps))
+            })
+            .collect();
+        for (level, most) in levels().into_iter().flat_map(|level| [(level, usize::MAX), (level, 3)]) {
+            let met = met(level, &grid, &ways, most);
+            assert!(met.iter().any(|met| met.len() > 10.min(most - 1)));
+            for (way, met) in ways.iter().zip(met) {
+                let ray = (way.origin, way.direction);
+                let depths = step_by_step(&grid, ray, (way.near, way.step, way.steps)).enumerate();
+                let plain: Vec<(usize, f32)> = depths.filter(|(_, depth)| *depth > 0.0).take(most).collect();
+                assert_eq!(met, plain, "{level:?}, {way:?}");
+            }
         }
     }
 }

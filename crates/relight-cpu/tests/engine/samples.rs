@@ -69,6 +69,25 @@ fn features_are_those_of_the_samples_positions() {
     }
 }
 
+/// Rays in the same place share their samples in pictures; random samples are each ray's own.
+#[test]
+fn equal_rays_share_samples_unless_those_are_random() {
+    let (mut rays, parts) = (rays(5), Parts::new(&field(V5)));
+    for r in 0..5 {
+        rays.origins.insert(2 * r + 1, rays.origins[2 * r]);
+        rays.directions.insert(2 * r + 1, rays.directions[2 * r]);
+    }
+    let mut batch = SampleBatch::default();
+    for random in [None, Some(Random::new(3, 0))] {
+        batch.fill(&parts.marcher(Level::new()), &rays, SAMPLINGS[0], 3, Jitter(random));
+        let samples = plain_samples(&batch, 10);
+        // The first pair misses the box.
+        for pair in samples.chunks_exact(2).skip(1) {
+            assert_eq!(pair[0].t == pair[1].t, random.is_none());
+        }
+    }
+}
+
 /// The second pass looks where the first found something.
 #[test]
 fn fine_samples_gather_where_the_weight_is() {
