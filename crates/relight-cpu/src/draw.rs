@@ -91,7 +91,7 @@ fn draw_deferred(
     let n = rays.origins.len();
     samples.place(marcher, rays, sampling, tile_rays(sampling), Jitter(None));
     seen.look(marcher, rays, samples);
-    let last = |ray| samples.t[samples.column_of(ray, samples.samples - 1)];
+    let last = |ray| samples.t[samples.columns_of(ray).end - 1];
     let inside = |ray: usize| 1.0 - seen.transmittance[ray];
     let shares = |ray| deferred::shares(inside(ray), seen.transmittance[ray]);
     let mut results = empty(marcher.networks, n, outputs);

@@ -54,7 +54,7 @@ pub struct FrontToBack {
     /// `[tile][3][columns]`: positions of the samples at hand.
     positions: Vec<f32>,
     /// `[tile][features][columns]`: their features.
-    encoded: Vec<f32>,
+    encoded: Aligned,
     /// `[columns]`: their weights.
     weights: Vec<f32>,
 }
@@ -107,12 +107,11 @@ impl FrontToBack {
         let tiles = self.going.len().div_ceil(TILE_RAYS);
         self.positions.clear();
         self.positions.resize(tiles * 3 * columns, 0.5);
-        self.encoded.resize(tiles * marcher.networks.features * columns, 0.0);
+        self.encoded.resize(tiles * marcher.networks.features * columns);
         let tiles = self.positions.chunks_exact_mut(3 * columns).zip(self.going.chunks(TILE_RAYS));
         for (positions, going) in tiles {
             for (r, &ray) in going.iter().enumerate() {
-                for (s, sample) in samples.clone().enumerate() {
-                    let t = batch.t[batch.column_of(ray, sample)];
+                for (s, &t) in batch.t[batch.columns_of(ray)][samples.clone()].iter().enumerate() {
                     let unit = marcher.cube.map(along(rays.origins[ray], rays.directions[ray], t));
                     set_position(positions, s * TILE_RAYS + r, unit);
                 }
@@ -134,15 +133,16 @@ impl FrontToBack {
                 self.weights.clear();
                 self.weights.resize(columns, 0.0);
                 for (r, &ray) in going.iter().enumerate() {
-                    for (s, sample) in samples.clone().enumerate() {
+                    let lengths = &batch.lengths[batch.columns_of(ray)][samples.clone()];
+                    for (s, length) in lengths.iter().enumerate() {
                         let column = s * TILE_RAYS + r;
-                        self.weights[column] =
-                            -workspace.density[column] * batch.lengths[batch.column_of(ray, sample)];
+                        self.weights[column] = -workspace.density[column] * length;
                     }
                 }
                 exponentials(marcher.simd, &mut self.weights);
                 for (r, &ray) in going.iter().enumerate() {
-                    for (s, sample) in samples.clone().enumerate() {
+                    let places = &batch.t[batch.columns_of(ray)][samples.clone()];
+                    for (s, (sample, t)) in samples.clone().zip(places).enumerate() {
                         let (weight, before) =
                             (&mut self.weights[s * TILE_RAYS + r], self.transmittance[ray]);
                         let mut after = before * *weight;
@@ -154,7 +154,7 @@ impl FrontToBack {
                             after = 0.0;
                         }
                         *weight = before - after;
-                        self.depths[ray] += *weight * batch.t[batch.column_of(ray, sample)];
+                        self.depths[ray] += *weight * t;
                         self.transmittance[ray] = after;
                     }
                 }

@@ -28,7 +28,7 @@ struct Placing {
 /// In training.
 const TRAINING: Placing = Placing { uniform_share: 0.15, opacity_limit: 0.5, end: 0.01 };
 /// Of pictures: with fewer samples in front, 16 come nearer to what hundreds give.
-const DRAWING: Placing = Placing { uniform_share: 0.02, opacity_limit: 0.35, end: 0.01 };
+const DRAWING: Placing = Placing { uniform_share: 0.02, opacity_limit: 0.35, end: 0.06 };
 
 /// A ray: its origin and unit direction, metres.
 pub type Ray = ([f32; 3], [f32; 3]);

@@ -21,18 +21,19 @@ pub struct Mlp {
     own: Vec<Range<usize>>,
     /// `[inputs][outputs]` of every layer, first of its own inputs, then of the shared ones.
     transposed: Vec<Vec<f32>>,
-    /// `transposed` of own inputs once more in fixed point, to go forward by; `None` for layers that go by single precision.
-    fixed: Vec<Option<FixedPoint>>,
+    /// `transposed` of own inputs and of shared ones once more in fixed point, to go forward by; `None` where it goes by single
+    /// precision.
+    fixed: Vec<[Option<FixedPoint>; 2]>,
 }
 
 /// Activations and gradients of one tile, reused from tile to tile. Column `c` belongs to point `c % points`.
 #[derive(Default)]
 pub struct Tape {
-    /// The own inputs of every layer, then the outputs of the last; `[rows][columns]`.
-    pub values: Vec<Aligned>,
+    /// The outputs of every layer, `[outputs][columns]`: the own inputs of the next.
+    values: Vec<Aligned>,
     /// The shared inputs of every layer, `[rows][padded points]`.
     pub shared: Vec<Aligned>,
-    /// Gradients with respect to `values`.
+    /// Gradients with respect to the own inputs of every layer, then to the outputs of the last.
     gradients: Vec<Aligned>,
     /// Gradients with respect to `shared`.
     shared_gradients: Vec<Aligned>,
@@ -56,7 +57,7 @@ impl Tape {
         self.values.last().map_or(&[], |v| v)
     }
 
-    /// The own inputs of the last layer, `[inputs][columns]`.
+    /// The own inputs of the last layer of several, `[inputs][columns]`.
     pub fn hidden_activations(&self) -> &[f32] {
         self.values.len().checked_sub(2).map_or(&[], |i| &self.values[i])
     }
@@ -79,7 +80,7 @@ impl Mlp {
         let layers = network.layers.clone();
         let own: Vec<_> =
             std::iter::once(own).chain(layers.iter().map(|l| 0..l.outputs)).take(layers.len()).collect();
-        let fixed = layers.iter().map(|_| None).collect();
+        let fixed = layers.iter().map(|_| [None, None]).collect();
         let mut mlp = Self { layers, own, transposed: Vec::new(), fixed };
         mlp.refresh();
         mlp
@@ -89,7 +90,8 @@ impl Mlp {
     pub fn in_fixed_point(&self) -> Self {
         let layers = self.layers.iter().zip(&self.own).zip(&self.transposed);
         let fixed = layers.map(|((layer, own), weights)| {
-            FixedPoint::new(&weights[..own.len() * layer.outputs], layer.outputs)
+            let (own, shared) = weights.split_at(own.len() * layer.outputs);
+            [own, shared].map(|weights| FixedPoint::new(weights, layer.outputs))
         });
         let (layers, own, transposed) = (self.layers.clone(), self.own.clone(), self.transposed.clone());
         Self { fixed: fixed.collect(), layers, own, transposed }
@@ -162,35 +164,35 @@ impl Mlp {
     }
 
     /// Makes room for `columns` columns, a multiple of [`COLUMN_ALIGN`](crate::dense::COLUMN_ALIGN), of `points` points; the
-    /// caller then fills `values[0]` and all of `shared`.
+    /// caller then fills all of `shared`.
     pub fn prepare(&self, tape: &mut Tape, columns: usize, points: usize) {
-        let resize = |arrays: [&mut Vec<Aligned>; 2], layer: usize, length: usize| {
-            for array in arrays {
-                array.resize_with(array.len().max(layer + 1), Aligned::default);
-                array[layer].resize(length);
-            }
+        let resize = |arrays: &mut Vec<Aligned>, layer: usize, length: usize| {
+            arrays.resize_with(arrays.len().max(layer + 1), Aligned::default);
+            arrays[layer].resize(length);
         };
         let wide = padded(points);
         for (i, (layer, own)) in self.layers.iter().zip(&self.own).enumerate() {
-            resize([&mut tape.values, &mut tape.gradients], i, own.len() * columns);
-            resize([&mut tape.shared, &mut tape.shared_gradients], i, (layer.inputs - own.len()) * wide);
+            resize(&mut tape.values, i, layer.outputs * columns);
+            resize(&mut tape.gradients, i, own.len() * columns);
+            resize(&mut tape.shared, i, (layer.inputs - own.len()) * wide);
+            resize(&mut tape.shared_gradients, i, (layer.inputs - own.len()) * wide);
         }
         let outputs = self.layers.last().map_or(0, |l| l.outputs);
-        resize([&mut tape.values, &mut tape.gradients], self.layers.len(), outputs * columns);
+        resize(&mut tape.gradients, self.layers.len(), outputs * columns);
         let widest = self.layers.iter().map(|l| l.outputs).max().unwrap_or(0);
         tape.of_points.resize(widest * wide);
         tape.repeated.resize(widest * Base::stride(points));
         (tape.columns, tape.points) = (columns, points);
     }
 
-    /// Runs the network on `values[0]` and `shared`.
-    pub fn forward(&self, level: Level, tape: &mut Tape) {
-        self.forward_layers(level, tape, self.layers.len());
+    /// Runs the network on its own inputs, `[rows][columns]`, and `shared`.
+    pub fn forward(&self, level: Level, inputs: &[f32], tape: &mut Tape) {
+        self.forward_layers(level, inputs, tape, self.layers.len());
     }
 
-    /// Runs the layers before the last on `values[0]` and `shared`, to [`Tape::hidden_activations`].
-    pub fn forward_to_hidden(&self, level: Level, tape: &mut Tape) {
-        self.forward_layers(level, tape, self.layers.len().saturating_sub(1));
+    /// The same for the layers before the last, to [`Tape::hidden_activations`].
+    pub fn forward_to_hidden(&self, level: Level, inputs: &[f32], tape: &mut Tape) {
+        self.forward_layers(level, inputs, tape, self.layers.len().saturating_sub(1));
     }
 
     /// The outputs `rows` of the last layer, `[rows][columns]`, of what the layer before gives, `[inputs][columns]`, if it has no
@@ -211,17 +213,20 @@ impl Mlp {
     }
 
     /// Runs the first `layers` layers.
-    fn forward_layers(&self, level: Level, tape: &mut Tape, layers: usize) {
+    fn forward_layers(&self, level: Level, inputs: &[f32], tape: &mut Tape, layers: usize) {
         let (columns, points) = (tape.columns, tape.points);
         let weights = self.own.iter().zip(&self.transposed);
         for (i, (layer, (own, a))) in self.layers.iter().zip(weights).enumerate().take(layers) {
-            let (before, after) = tape.values.split_at_mut(i + 1);
+            let (before, after) = tape.values.split_at_mut(i);
+            let x = before.last().map_or(inputs, |outputs| outputs);
             let (own_a, shared_a) = a.split_at(own.len() * layer.outputs);
             let shared = layer.inputs - own.len();
             let base = if shared > 0 {
-                let (x, y) = (&tape.shared[i], &mut tape.of_points);
+                let (shared_x, y) = (&tape.shared[i], &mut tape.of_points);
                 let shape = (shared, layer.outputs, padded(points));
-                multiply(level, Matrix::new(shared_a, layer.outputs, 0), x, y, shape, None, Store::Set);
+                let a =
+                    Matrix { fixed: self.fixed[i][1].as_ref(), ..Matrix::new(shared_a, layer.outputs, 0) };
+                multiply(level, a, shared_x, y, shape, None, Store::Set);
                 repeat_rows(&y[..shape.1 * shape.2], points, &mut tape.repeated);
                 Some(Base { data: &tape.repeated, period: points })
             } else {
@@ -229,14 +234,22 @@ impl Mlp {
             };
             let store = if i + 1 < self.layers.len() { Store::Rectified } else { Store::Set };
             let shape = (own.len(), layer.outputs, columns);
-            let a = Matrix { fixed: self.fixed[i].as_ref(), ..Matrix::new(own_a, layer.outputs, 0) };
-            multiply(level, a, &before[i], &mut after[0], shape, base, store);
+            let a = Matrix { fixed: self.fixed[i][0].as_ref(), ..Matrix::new(own_a, layer.outputs, 0) };
+            multiply(level, a, x, &mut after[0], shape, base, store);
         }
     }
 
     /// Adds the weight gradients to `gradient` (laid out like [`Mlp::weights_mut`]) and leaves input gradients on
-    /// the tape: of the inputs `wanted` of the first layer, and of all inputs of the others.
-    pub fn backward(&self, level: Level, tape: &mut Tape, gradient: &mut [f32], wanted: Range<usize>) {
+    /// the tape: of the inputs `wanted` of the first layer, and of all inputs of the others. `inputs` are those of
+    /// [`Mlp::forward`].
+    pub fn backward(
+        &self,
+        level: Level,
+        inputs: &[f32],
+        tape: &mut Tape,
+        gradient: &mut [f32],
+        wanted: Range<usize>,
+    ) {
         let (columns, points) = (tape.columns, tape.points);
         let mut end = gradient.len();
         for (i, (layer, own)) in self.layers.iter().zip(&self.own).enumerate().rev() {
@@ -247,7 +260,8 @@ impl Mlp {
             let (dy, wanted) = (&after[0][..], if i == 0 { wanted.clone() } else { 0..layer.inputs });
             let store = |x| if i == 0 { Store::Set } else { Store::WherePositive(x) };
             let part = Part { layer, level, columns, inputs: own.clone(), wanted: &wanted };
-            part.backward(dy, &tape.values[i], &mut before[i], gradient, store);
+            let x = i.checked_sub(1).map_or(inputs, |before| &tape.values[before]);
+            part.backward(dy, x, &mut before[i], gradient, store);
             if own.len() == layer.inputs {
                 continue;
             }

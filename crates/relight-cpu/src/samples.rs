@@ -1,5 +1,6 @@
 //! The samples of a batch, tile by tile: where they lie, and their encoded features.
 
+use std::ops::Range;
 use std::time::Instant;
 
 use fearless_simd::Level;
@@ -7,6 +8,7 @@ use relight_field::engine::{Rays, StageCost};
 use relight_field::random::Random;
 use relight_field::sampling::Sampling;
 
+use crate::aligned::Aligned;
 use crate::dense::padded;
 use crate::density_grid::DensityGrid;
 use crate::guide::{Guide, GuideScratch, Span};
@@ -73,7 +75,7 @@ pub struct SampleBatch {
     /// `[tile][3][columns]`: positions in the unit cube.
     pub positions: Vec<f32>,
     /// `[tile][features][columns]`.
-    pub features: Vec<f32>,
+    pub features: Aligned,
     /// What placing and encoding the samples cost.
     pub marched: StageCost,
     /// See `marched`.
@@ -135,10 +137,7 @@ impl SampleBatch {
     fn guide(&mut self, marcher: &Marcher<'_>, rays: &Rays, jitter: Jitter) {
         let ray = |ray: usize| (rays.origins[ray], rays.directions[ray]);
         let (n, shape) = (rays.origins.len(), (self.tile_rays, self.samples));
-        let columns = |ray: usize| {
-            let first = first_column(ray, shape);
-            first..first + shape.1
-        };
+        let columns = |ray: usize| columns_of(ray, shape);
         let Self { spans, firsts, alone, scratch, t, lengths, .. } = self;
         spans.clear();
         spans.extend((0..n).map(ray).map(|(origin, direction)| marcher.cube.clip(origin, direction)));
@@ -162,9 +161,9 @@ impl SampleBatch {
         }
     }
 
-    /// Where in `t` and `lengths` a sample of a ray is.
-    pub fn column_of(&self, ray: usize, sample: usize) -> usize {
-        first_column(ray, (self.tile_rays, self.samples)) + sample
+    /// Where in `t` and `lengths` the samples of a ray are.
+    pub fn columns_of(&self, ray: usize) -> Range<usize> {
+        columns_of(ray, (self.tile_rays, self.samples))
     }
 
     /// Adds `fine` samples a ray, drawn from the weights of those at hand (paper section 4.3; Mildenhall et al.
@@ -183,15 +182,15 @@ impl SampleBatch {
         self.shape(rays, tile_rays, coarse + fine);
         let (shape, places) = ((tile_rays, coarse + fine), (&mut self.t[..], &mut self.lengths[..]));
         place_each(&marcher.cube, rays, shape, places, |ray, span, t| {
-            let start = first_column(ray, (tile_rays, coarse));
-            let (old, weights) = (&old_t[start..start + coarse], &weights[start..start + coarse]);
+            let before = columns_of(ray, (tile_rays, coarse));
+            let (old, weights) = (&old_t[before.clone()], &weights[before.clone()]);
             let (first, rest) = t.split_at_mut(coarse);
             first.copy_from_slice(old);
             // A little everywhere, so that a ray through nothing has somewhere to draw from.
             // What the opaque last sample weighs is what no density stopped: nothing to look closer at.
             let mut mass: Vec<f32> = weights.iter().map(|w| w + 1e-5).collect();
             mass[coarse - 1] = 1e-5;
-            let old_lengths = &old_lengths[start..start + coarse];
+            let old_lengths = &old_lengths[before];
             let mut end = span.0;
             let ends: Vec<f32> = old_lengths
                 .iter()
@@ -223,7 +222,7 @@ impl SampleBatch {
         let started = Instant::now();
         let (k, columns, tile_rays) = (self.samples, self.columns, self.tile_rays);
         self.positions.resize(3 * self.t.len(), 0.0);
-        self.features.resize(marcher.networks.features * self.t.len(), 0.0);
+        self.features.resize(marcher.networks.features * self.t.len());
         let tiles = self.positions.chunks_exact_mut(3 * columns).zip(self.t.chunks_exact(columns));
         for (tile, (positions, t)) in tiles.enumerate() {
             positions.fill(0.5);
@@ -251,7 +250,7 @@ impl SampleBatch {
     }
 
     /// The rays of one tile of a batch.
-    pub fn range(&self, rays: &Rays, tile: usize) -> std::ops::Range<usize> {
+    pub fn range(&self, rays: &Rays, tile: usize) -> Range<usize> {
         let first = tile * self.tile_rays;
         first..(first + self.tile_rays).min(rays.origins.len())
     }
@@ -273,9 +272,10 @@ impl SampleBatch {
     }
 }
 
-/// The column of a ray's first sample, in tiles of `tile_rays` rays with `samples` samples each.
-fn first_column(ray: usize, (tile_rays, samples): (usize, usize)) -> usize {
-    ray / tile_rays * padded(tile_rays * samples) + ray % tile_rays * samples
+/// The columns of a ray's samples, in tiles of `tile_rays` rays with `samples` samples each.
+fn columns_of(ray: usize, (tile_rays, samples): (usize, usize)) -> Range<usize> {
+    let first = ray / tile_rays * padded(tile_rays * samples) + ray % tile_rays * samples;
+    first..first + samples
 }
 
 /// Places the samples of every ray, in tiles of `tile_rays` rays with `samples` samples each: calls
@@ -288,8 +288,7 @@ fn place_each(
     mut one: impl FnMut(usize, (f32, f32), &mut [f32]),
 ) {
     for (ray, (&origin, &direction)) in rays.origins.iter().zip(&rays.directions).enumerate() {
-        let start = first_column(ray, shape);
-        let here = start..start + shape.1;
+        let here = columns_of(ray, shape);
         let (t, lengths) = (&mut t[here.clone()], &mut lengths[here]);
         let span = cube.clip(origin, direction);
         one(ray, span, t);

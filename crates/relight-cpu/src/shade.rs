@@ -4,8 +4,9 @@
 //! is a column of the networks: all points under one light lie side by side, then all under the next.
 
 use fearless_simd::Level;
-use relight_field::architecture::LightInput;
+use relight_field::architecture::{HARMONICS, LightInput};
 
+use crate::aligned::Aligned;
 use crate::dense::padded;
 use crate::exponential::sigmoid;
 use crate::harmonics::spherical_harmonics;
@@ -50,6 +51,10 @@ pub struct Shader {
     columns: usize,
     rgb: Tape,
     vis: Tape,
+    /// Codes of the lights' poses, `[156][columns]`, where the architecture takes them.
+    poses: Aligned,
+    /// Harmonics of the directions to the lights, `[16][columns]`, where it takes those.
+    harmonics: Aligned,
     direction: [Vec<f32>; 3],
 }
 
@@ -65,6 +70,15 @@ fn fill_rows(source: &[f32], n: usize, rows: &mut [f32], wide: usize) {
 fn add_rows(rows: &[f32], wide: usize, sums: &mut [f32], n: usize) {
     for (sums, row) in sums.chunks_exact_mut(n).zip(rows.chunks_exact(wide)) {
         sums.iter_mut().zip(row).for_each(|(sum, value)| *sum += value);
+    }
+}
+
+/// What `rgb` is told of the lights.
+fn light_inputs<'a>(networks: &Networks, poses: &'a [f32], harmonics: &'a [f32]) -> &'a [f32] {
+    match networks.architecture.light {
+        LightInput::None => &[],
+        LightInput::Pose => poses,
+        LightInput::Direction => harmonics,
     }
 }
 
@@ -110,12 +124,13 @@ impl Shader {
         spherical_harmonics(simd, [x, y, z], &mut self.rgb.shared[0]);
         self.feature_rows(networks);
         self.light_rows(simd, networks, lights, &light);
-        networks.rgb.forward(simd, &mut self.rgb);
+        let light = light_inputs(networks, &self.poses, &self.harmonics);
+        networks.rgb.forward(simd, light, &mut self.rgb);
         self.colour.resize(3 * self.columns, 0.0);
         sigmoid(simd, self.rgb.output(), &mut self.colour);
         self.visibility.resize(self.columns, 0.0);
         if let Some(vis) = &networks.vis {
-            vis.forward(simd, &mut self.vis);
+            vis.forward(simd, &self.harmonics, &mut self.vis);
             sigmoid(simd, self.vis.output(), &mut self.visibility);
         } else {
             self.visibility.fill(1.0);
@@ -136,7 +151,7 @@ impl Shader {
         }
     }
 
-    /// Fills the rows that describe the light, in both networks.
+    /// Fills the rows that describe the light, for both networks.
     fn light_rows<'a>(
         &mut self,
         simd: Level,
@@ -147,7 +162,8 @@ impl Shader {
         let (columns, points) = (self.columns, self.points.len());
         let input = networks.architecture.light;
         if input == LightInput::Pose {
-            let rows = &mut self.rgb.values[0];
+            self.poses.resize(networks.architecture.light_inputs() * columns);
+            let rows = &mut self.poses;
             rows.fill(0.0);
             for l in 0..lights {
                 for (q, point) in self.points.iter().enumerate() {
@@ -173,12 +189,8 @@ impl Shader {
         }
         self.direction.iter_mut().for_each(|row| row.resize(columns, 0.0));
         let [x, y, z] = &self.direction;
-        if input == LightInput::Direction {
-            spherical_harmonics(simd, [x, y, z], &mut self.rgb.values[0]);
-        }
-        if networks.vis.is_some() {
-            spherical_harmonics(simd, [x, y, z], &mut self.vis.values[0]);
-        }
+        self.harmonics.resize(HARMONICS * columns);
+        spherical_harmonics(simd, [x, y, z], &mut self.harmonics);
     }
 
     /// From `colour_gradient(ray, l)`, the gradient of the colour of a pair, to those of weights and features.
@@ -223,7 +235,8 @@ impl Shader {
                 self.weight_gradients[q] += d_o * o;
             }
         }
-        networks.rgb.backward(simd, &mut self.rgb, &mut gradients.rgb, networks.rgb_wanted());
+        let light = light_inputs(networks, &self.poses, &self.harmonics);
+        networks.rgb.backward(simd, light, &mut self.rgb, &mut gradients.rgb, networks.rgb_wanted());
         let (h, e) = self.feature_gradients.split_at_mut(networks.features * points);
         let (layer, row) = networks.embedding_place();
         add_rows(&self.rgb.shared_gradient(layer)[row * wide..], wide, e, points);
@@ -231,7 +244,7 @@ impl Shader {
         let skipped = &self.rgb.shared_gradient(0)[directions * wide..(directions + positions) * wide];
         add_rows(skipped, wide, h, points);
         if let Some(vis) = &networks.vis {
-            vis.backward(simd, &mut self.vis, &mut gradients.vis, 0..networks.features);
+            vis.backward(simd, &self.harmonics, &mut self.vis, &mut gradients.vis, 0..networks.features);
             add_rows(self.vis.shared_gradient(0), wide, h, points);
         }
     }

@@ -84,8 +84,8 @@ pub struct Workspace {
 impl Workspace {
     /// Density at every column of `features`, into `density`, and nothing else of `geo` but [`Workspace::hidden_activations`].
     pub fn densities(&mut self, simd: Level, networks: &Networks, features: &[f32], columns: usize) {
-        self.take(networks, features, columns);
-        networks.geo.forward_to_hidden(simd, &mut self.geo);
+        networks.geo.prepare(&mut self.geo, columns, columns);
+        networks.geo.forward_to_hidden(simd, features, &mut self.geo);
         self.density.resize(columns, 0.0);
         networks.geo.output_rows(simd, self.geo.hidden_activations(), columns, 0..1, &mut self.density);
         self.activate(simd, networks);
@@ -95,12 +95,6 @@ impl Workspace {
     /// [`Networks::embeddings`] are made.
     pub fn hidden_activations(&self) -> &[f32] {
         self.geo.hidden_activations()
-    }
-
-    /// Makes `features` the input of `geo`.
-    fn take(&mut self, networks: &Networks, features: &[f32], columns: usize) {
-        networks.geo.prepare(&mut self.geo, columns, columns);
-        self.geo.values[0].copy_from_slice(&features[..networks.features * columns]);
     }
 
     /// From logits, in `density`, to densities.
@@ -113,8 +107,8 @@ impl Workspace {
     /// Weights of the samples of all rays and where the rays end, into `weights` and `depths`, from densities of the tile's
     /// features.
     pub fn look(&mut self, simd: Level, networks: &Networks, rays: &TileRays<'_>) {
-        self.take(networks, rays.features, rays.columns);
-        networks.geo.forward(simd, &mut self.geo);
+        networks.geo.prepare(&mut self.geo, rays.columns, rays.columns);
+        networks.geo.forward(simd, rays.features, &mut self.geo);
         self.density.clear();
         self.density.extend(&self.geo.output()[..rays.columns]);
         self.activate(simd, networks);
@@ -272,7 +266,7 @@ impl Workspace {
             *d = self.weight_gradient[c] * self.density[c].clamp(least, limit) * rays.lengths[c];
         }
         self.clock.lap(Stage::CompositeBackward, 3 * networks.point_features() * columns);
-        networks.geo.backward(simd, &mut self.geo, &mut gradients.geo, 0..networks.features);
+        networks.geo.backward(simd, rays.features, &mut self.geo, &mut gradients.geo, 0..networks.features);
         feature_gradient.iter_mut().zip(self.geo.input_gradient()).for_each(|(a, b)| *a += b);
         let operations = networks.geo.backward_operations(columns, columns, 0..networks.features);
         self.clock.lap(Stage::GeometryBackward, operations);
