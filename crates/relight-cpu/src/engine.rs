@@ -108,6 +108,7 @@ impl CpuEngine {
             networks: &self.networks,
             simd: self.simd,
             workspaces: &self.workspaces,
+            search: false,
         }
     }
 

@@ -25,10 +25,10 @@ struct Placing {
     end: f32,
 }
 
-/// In training.
-const TRAINING: Placing = Placing { uniform_share: 0.15, opacity_limit: 0.5, end: 0.01 };
-/// Of pictures: with fewer samples in front, 16 come nearer to what hundreds give.
-const DRAWING: Placing = Placing { uniform_share: 0.02, opacity_limit: 0.35, end: 0.06 };
+/// Where things are looked for.
+const SEARCHING: Placing = Placing { uniform_share: 0.15, opacity_limit: 0.5, end: 0.01 };
+/// Else: with fewer samples in front, 16 come nearer to what hundreds give.
+const KNOWING: Placing = Placing { uniform_share: 0.02, opacity_limit: 0.35, end: 0.06 };
 
 /// A ray: its origin and unit direction, metres.
 pub type Ray = ([f32; 3], [f32; 3]);
@@ -44,6 +44,8 @@ pub struct Guide<'a> {
     pub density: &'a DensityGrid,
     /// Its box.
     pub cube: UnitCube,
+    /// See [`StepSettings::search`](relight_field::engine::StepSettings::search).
+    pub search: bool,
 }
 
 /// Memory for [`Guide::guided`], reused from rays to rays.
@@ -219,11 +221,10 @@ impl Guide<'_> {
     }
 
     /// Finds where samples are worth placing along rays, between two distances each, and tells `one` of each ray, in no order: its
-    /// number, and its places. Those of pictures are placed otherwise than those that are `random`.
+    /// number, and its places.
     pub fn guided(
         &self,
         rays: impl Iterator<Item = (Ray, Span)>,
-        random: bool,
         scratch: &mut GuideScratch,
         one: impl FnMut(usize, Places<'_>),
     ) {
@@ -235,7 +236,7 @@ impl Guide<'_> {
             ways.push(Way { steps: way.steps.max(1), ..way });
             far.push(span.1);
         }
-        let placing = if random { TRAINING } else { DRAWING };
+        let placing = if self.search { SEARCHING } else { KNOWING };
         let (saturated, cell_size) = (-(1.0 - placing.opacity_limit).ln(), self.density.cell_size());
         let mut finder = Finder { placing, saturated, cell_size, ways, far, lanes, stretches, one };
         walk(self.simd, self.density, ways, &mut finder);
@@ -266,10 +267,10 @@ pub(crate) mod tests {
     use relight_scene::Bounds;
 
     pub(crate) fn guide<'a>(density: &'a DensityGrid, &cube: &UnitCube) -> Guide<'a> {
-        Guide { simd: Level::new(), density, cube }
+        Guide { simd: Level::new(), density, cube, search: true }
     }
 
-    /// Samples of one ray.
+    /// Samples of one ray: random ones as where things are looked for, and others as in pictures.
     pub(crate) fn place(
         guide: Guide<'_>,
         ray: Ray,
@@ -278,7 +279,8 @@ pub(crate) mod tests {
         t: &mut [f32],
     ) {
         let mut placed = 0;
-        guide.guided(iter::once((ray, span)), jitter.is_some(), &mut GuideScratch::default(), |i, places| {
+        let guide = Guide { search: jitter.is_some(), ..guide };
+        guide.guided(iter::once((ray, span)), &mut GuideScratch::default(), |i, places| {
             assert_eq!(i, 0);
             placed += 1;
             places.draw(|k| jitter.map_or(0.5, |jitter| jitter(k)), t);
@@ -312,18 +314,18 @@ pub(crate) mod tests {
         let bins = (((far - near) / step).ceil() as usize).max(1);
         let (mut weight, mut limited, mut depth) = (vec![0f32; bins + 2], 1.0, 0f32);
         for (b, optical) in step_by_step(grid, (o, d), (near, step, bins)).enumerate() {
-            let alpha = (1.0 - (-optical).exp()).min(TRAINING.opacity_limit);
+            let alpha = (1.0 - (-optical).exp()).min(SEARCHING.opacity_limit);
             depth += optical;
             weight[b + 1] = limited * alpha;
             limited *= 1.0 - alpha;
-            if limited < TRAINING.end {
+            if limited < SEARCHING.end {
                 break;
             }
         }
         let mut mass: Vec<f32> = weight.windows(3).map(|w| w[0].max(w[1]).max(w[2])).collect();
         let total: f32 = mass.iter().sum();
         let share = if total > 0.0 {
-            TRAINING.uniform_share + (1.0 - TRAINING.uniform_share) * (-depth).exp()
+            SEARCHING.uniform_share + (1.0 - SEARCHING.uniform_share) * (-depth).exp()
         } else {
             1.0
         };

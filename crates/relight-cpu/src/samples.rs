@@ -49,12 +49,14 @@ pub struct Marcher<'a> {
     pub simd: Level,
     /// Idle workspaces.
     pub workspaces: &'a Pool<Workspace>,
+    /// See [`StepSettings::search`](relight_field::engine::StepSettings::search).
+    pub search: bool,
 }
 
 impl<'a> Marcher<'a> {
     /// What the density grid tells.
     pub fn guide(&self) -> Guide<'a> {
-        Guide { simd: self.simd, density: self.density, cube: self.cube }
+        Guide { simd: self.simd, density: self.density, cube: self.cube, search: self.search }
     }
 }
 
@@ -149,7 +151,7 @@ impl SampleBatch {
         alone.clear();
         alone.extend((0..n).filter(|&ray| firsts[ray] == ray));
         let guided = alone.iter().map(|&i| (ray(i), spans[i]));
-        marcher.guide().guided(guided, jitter.0.is_some(), scratch, |i, places| {
+        marcher.guide().guided(guided, scratch, |i, places| {
             places.draw(|k| jitter.at(alone[i], k), &mut t[columns(alone[i])]);
         });
         for (ray, (&first, &span)) in firsts.iter().zip(&*spans).enumerate() {

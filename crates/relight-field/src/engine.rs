@@ -80,6 +80,9 @@ pub struct StepSettings {
     /// gradients go back to the grid, and those that stay count more in proportion; 0 leaves none out. Engines may go
     /// without.
     pub roulette: f32,
+    /// Whether samples also go where the engine knows of nothing: thin things have to be looked for. Engines that place samples
+    /// by what they know place them as in pictures otherwise.
+    pub search: bool,
 }
 
 /// What a step did.

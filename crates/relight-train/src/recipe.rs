@@ -12,6 +12,9 @@ use serde::{Deserialize, Serialize};
 use crate::TrainError;
 use crate::schedule::Schedule;
 
+/// Share of a training, from its beginning, in which samples also go where the engine knows of nothing.
+const SEARCH: f64 = 0.2;
+
 /// A recipe by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Preset {
@@ -194,6 +197,7 @@ impl Recipe {
             distortion_weight: self.distortion_weight.at(progress) as f32,
             probe_weight: self.probe_weight.at(progress) as f32,
             roulette: self.roulette as f32,
+            search: progress < SEARCH,
         }
     }
 

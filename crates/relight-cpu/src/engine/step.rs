@@ -16,6 +16,7 @@ use crate::dense::COLUMN_ALIGN;
 use crate::density_grid::DensityGrid;
 use crate::hash_grid::TileGradients;
 use crate::networks::Gradients;
+use crate::samples::Marcher;
 use crate::shade::CodedLight;
 use crate::stages::{Costs, Stage};
 
@@ -79,7 +80,7 @@ impl CpuEngine {
         // The others hold what an earlier step left.
         self.lanes_used = n.div_ceil(lane_rays);
         let work = Work {
-            marcher: self.marcher(),
+            marcher: Marcher { search: settings.search, ..self.marcher() },
             config: self.config,
             settings,
             batch,

@@ -130,6 +130,7 @@ impl Parts {
             networks: &self.networks,
             simd,
             workspaces: &self.workspaces,
+            search: false,
         }
     }
 }

@@ -23,6 +23,7 @@ const SETTINGS: StepSettings = StepSettings {
     distortion_weight: 0.0,
     probe_weight: 0.5,
     roulette: 1.5,
+    search: false,
 };
 
 fn refused<T>(result: Result<T, EngineError>) -> String {

@@ -25,6 +25,7 @@ const SETTINGS: StepSettings = StepSettings {
     distortion_weight: 0.2,
     probe_weight: 0.0,
     roulette: 0.0,
+    search: false,
 };
 
 /// Gradients of a batch by the fast engine's parts, as arrays in the order of [`Parameters::tensors`].

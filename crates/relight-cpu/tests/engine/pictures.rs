@@ -102,6 +102,7 @@ fn colours_equal_the_oracles() {
             distortion_weight: 0.0,
             probe_weight: 0.0,
             roulette: 0.0,
+            search: false,
         };
         for r in 0..n {
             let one = RayBatch {

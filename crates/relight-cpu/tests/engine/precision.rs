@@ -55,6 +55,7 @@ fn pictures_follow_what_was_learnt() {
         distortion_weight: 0.0,
         probe_weight: 0.0,
         roulette: 0.0,
+        search: false,
     };
     engine.train_step(&batch(64, 3), &settings).unwrap();
     let [single, fixed] = [Precision::F32, Precision::I16].map(|precision| draw(&engine, precision));

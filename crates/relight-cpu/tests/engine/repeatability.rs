@@ -40,6 +40,7 @@ fn settings(step: u64) -> StepSettings {
         distortion_weight: 0.05,
         probe_weight: 0.5,
         roulette: 1.5,
+        search: false,
     }
 }
 

@@ -4,7 +4,7 @@ use fearless_simd::Level;
 use relight_cpu::CpuEngine;
 use relight_cpu::adam::Adam;
 use relight_cpu::networks::Networks;
-use relight_cpu::samples::{Jitter, SampleBatch};
+use relight_cpu::samples::{Jitter, Marcher, SampleBatch};
 use relight_field::architecture::V5;
 use relight_field::engine::*;
 use relight_field::optimiser::{Optimiser, PERIOD};
@@ -26,6 +26,7 @@ fn settings(step: u64) -> StepSettings {
         distortion_weight: 0.05,
         probe_weight: 0.0,
         roulette: 0.0,
+        search: true,
     }
 }
 
@@ -75,7 +76,8 @@ fn three_steps_follow_the_oracles_gradients() {
             let parts = Parts::new(&before);
             let mut samples = SampleBatch::default();
             let jitter = Jitter(Some(Random::new(SEED, step)));
-            samples.fill(&parts.marcher(Level::new()), &batch.rays, sampling, 4, jitter);
+            let marcher = Marcher { search: true, ..parts.marcher(Level::new()) };
+            samples.fill(&marcher, &batch.rays, sampling, 4, jitter);
             let stats = engine.train_step(&batch, &settings(step)).unwrap();
 
             let plain = plain_samples(&samples, n);
@@ -211,6 +213,29 @@ fn probes_that_nobody_trusts_change_nothing() {
     }
 }
 
+/// Where something is known, a search sends some samples elsewhere.
+#[test]
+fn steps_that_search_place_samples_otherwise() {
+    let (batch, parameters) = (batch(60, 2), field(V5));
+    let config = EngineConfig {
+        sampling: Sampling::Guided { samples: 12 },
+        shading: SHADINGS[0],
+        optimiser: Optimiser::Adam,
+        beta2: 0.999,
+        seed: SEED,
+    };
+    let random = Random::new(8, 0);
+    let point = |i: u64| [0, 1, 2].map(|a| 0.6 * random.uniform_at(3 * i + a) - [0.3, 0.3, 0.0][a as usize]);
+    let points: Vec<[f32; 3]> = (0..20_000).map(point).collect();
+    let [searches, again, knows] = [true, true, false].map(|search| {
+        let mut engine = CpuEngine::new(&parameters, config).unwrap();
+        engine.expect_surfaces(&points);
+        engine.train_step(&batch, &StepSettings { search, ..settings(0) }).unwrap().loss
+    });
+    assert_eq!(searches, again);
+    assert_ne!(searches, knows);
+}
+
 /// Each stage counts its own work.
 #[test]
 fn stages_count_what_a_step_takes() {
@@ -276,7 +301,9 @@ fn photographed_probes_count_as_further_pairs() {
         let before = engine.parameters().unwrap();
         let mut samples = SampleBatch::default();
         let jitter = Jitter(Some(Random::new(SEED, 0)));
-        samples.fill(&Parts::new(&before).marcher(Level::new()), &batch.rays, sampling, 4, jitter);
+        let parts = Parts::new(&before);
+        let marcher = Marcher { search: true, ..parts.marcher(Level::new()) };
+        samples.fill(&marcher, &batch.rays, sampling, 4, jitter);
         // As if imagined colours had proved to miss by twice as much as the field: probes count half.
         let mut trusting = engine.state().unwrap();
         let means = vec![40.0, 100.0, 1.0, 100.0, 1.0, 100.0, 0.005];

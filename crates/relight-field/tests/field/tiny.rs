@@ -82,5 +82,6 @@ pub fn settings(depth_weight: f32, distortion_weight: f32) -> StepSettings {
         distortion_weight,
         probe_weight: 0.0,
         roulette: 0.0,
+        search: false,
     }
 }
