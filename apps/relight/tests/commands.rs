@@ -95,6 +95,9 @@ fn evaluation_scores_each_image_with_the_baselines_beside() {
     assert!((comparison["ssim"].as_f64().unwrap() - image["ssim"].as_f64().unwrap()).abs() < 1e-9);
     assert!(comparison["ssim_uniform7"].is_f64());
     assert!(shop.succeed("eval run").contains("nearest-light"));
+    let coarse = shop.json("eval run --split easy --samples 2 --json");
+    assert_ne!(coarse["psnr"], scores["psnr"]);
+    assert_eq!(coarse["baselines"], scores["baselines"]);
 }
 
 #[test]

@@ -56,13 +56,14 @@ pub fn score(
     let mut chosen = None;
     for split in SPLITS {
         let frames = splits.get(split);
-        let mut picture = None;
-        let scored = evaluate(scene, splits, split, mean_image, &config.model, engine, &mut |drawn| {
-            if frames.get(frames.len() / 2) == Some(&drawn.frame) {
-                picture = Some((drawn.frame, drawn.image.clone()));
-            }
-            Ok(seen(before + drawn.done, all))
-        });
+        let (mut picture, settings) = (None, RenderSettings::default());
+        let scored =
+            evaluate(scene, splits, split, mean_image, &config.model, (engine, &settings), &mut |drawn| {
+                if frames.get(frames.len() / 2) == Some(&drawn.frame) {
+                    picture = Some((drawn.frame, drawn.image.clone()));
+                }
+                Ok(seen(before + drawn.done, all))
+            });
         let outcome = match scored {
             Ok(Some(evaluation)) => {
                 if let Some((frame, image)) = picture {

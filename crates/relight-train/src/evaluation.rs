@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use rayon::prelude::*;
-use relight_field::engine::Engine;
+use relight_field::engine::{Engine, RenderSettings};
 use relight_metrics::{MetricError, psnr, ssim};
 use relight_scene::{Image, Scene, Split, Splits};
 use serde::{Deserialize, Deserializer, Serialize};
@@ -79,7 +79,7 @@ pub struct Drawn<'a> {
     pub all: usize,
 }
 
-/// Draws each image of `split` and scores it; each is shown to `seen`. Beside it stands `mean_image`, that of the training
+/// Draws each image of `split` by `settings` and scores it; each is shown to `seen`. Beside it stands `mean_image`, that of the training
 /// images, as a baseline. `None` if `seen` breaks off. The split's photographs are held in memory.
 ///
 /// # Errors
@@ -91,7 +91,7 @@ pub fn evaluate(
     split: Split,
     mean_image: Option<&Image>,
     model: &str,
-    engine: &dyn Engine,
+    (engine, settings): (&dyn Engine, &RenderSettings),
     seen: &mut dyn FnMut(Drawn<'_>) -> Result<ControlFlow<()>, TrainError>,
 ) -> Result<Option<Evaluation>, TrainError> {
     let frames = splits.get(split);
@@ -106,7 +106,7 @@ pub fn evaluate(
     for (done, (&index, truth)) in frames.iter().zip(truths).enumerate() {
         let frame = &scene.frames[index];
         let (camera, light) = (&scene.cameras[frame.camera], &scene.lights[frame.light]);
-        let drawn = draw(engine, &camera.intrinsics, &camera.pose, &light.pose)?;
+        let drawn = draw((engine, settings), &camera.intrinsics, &camera.pose, &light.pose)?;
         let compare = |image| compare(&truth, image).map_err(TrainError::metric(&frame.path));
         let scores = compare(&drawn)?;
         images.push(ImageScores { camera: camera.label, light: light.label, scores });

@@ -3,7 +3,7 @@
 //! Large splits are compared at every k-th pixel of both axes: the same pixels each time, so scores of one run can
 //! be compared with each other. They are not the scores that `evaluation` reports.
 
-use relight_field::engine::Engine;
+use relight_field::engine::{Engine, RenderSettings};
 use relight_metrics::{MetricError, psnr, ssim};
 use relight_scene::{Image, Intrinsics, Scene};
 
@@ -60,7 +60,7 @@ impl<'a> Validation<'a> {
             let frame = &self.scene.frames[*frame];
             let pose = &self.scene.cameras[frame.camera].pose;
             let light = &self.scene.lights[frame.light].pose;
-            let drawn = draw(engine, intrinsics, pose, light)?;
+            let drawn = draw((engine, &RenderSettings::default()), intrinsics, pose, light)?;
             let failed = TrainError::metric(&frame.path);
             total.0 += psnr(&drawn.data, &truth.data).map_err(&failed)?;
             let similarity = match ssim(&drawn.data, &truth.data, truth.width, truth.height) {

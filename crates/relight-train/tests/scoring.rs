@@ -5,6 +5,7 @@ mod common;
 use std::ops::ControlFlow;
 
 use common::{FakeEngine, config, tiny_scene};
+use relight_field::engine::{Engine, RenderSettings};
 use relight_metrics::psnr;
 use relight_scene::{Image, SceneError, Split};
 use relight_train::TrainError;
@@ -63,10 +64,11 @@ fn the_nearest_image_is_of_the_nearest_training_camera_and_light() {
 fn scores_are_means_over_the_images_of_the_split() {
     let folder = tempfile::tempdir().unwrap();
     let data = tiny_scene(folder.path());
-    let engine = FakeEngine::new(&config(&data, None));
+    let (fake, settings) = (FakeEngine::new(&config(&data, None)), RenderSettings::default());
+    let engine: (&dyn Engine, _) = (&fake, &settings);
     let grey = Image { width: 24, height: 18, data: vec![100; 24 * 18 * 3] };
     let mut seen = Vec::new();
-    let scores = evaluate(&data.scene, &data.splits, Split::Easy, Some(&grey), "v5", &engine, &mut |drawn| {
+    let scores = evaluate(&data.scene, &data.splits, Split::Easy, Some(&grey), "v5", engine, &mut |drawn| {
         seen.push((drawn.frame, drawn.image.clone()));
         Ok(ControlFlow::Continue(()))
     })
@@ -85,7 +87,7 @@ fn scores_are_means_over_the_images_of_the_split() {
     let images = seen.len() as f64;
     assert!((scores.mean.psnr - sum / images).abs() < 1e-12);
     assert!((scores.baselines.mean_image.unwrap().psnr - sum_of_grey / images).abs() < 1e-12);
-    let stopped = evaluate(&data.scene, &data.splits, Split::Easy, None, "v5", &engine, &mut |_| {
+    let stopped = evaluate(&data.scene, &data.splits, Split::Easy, None, "v5", engine, &mut |_| {
         Ok(ControlFlow::Break(()))
     });
     assert!(stopped.unwrap().is_none());
@@ -95,12 +97,13 @@ fn scores_are_means_over_the_images_of_the_split() {
 fn black_ground_truth_is_counted_and_named_and_nothing_is_drawn() {
     let folder = tempfile::tempdir().unwrap();
     let data = tiny_scene(folder.path());
-    let engine = FakeEngine::new(&config(&data, None));
+    let (fake, settings) = (FakeEngine::new(&config(&data, None)), RenderSettings::default());
+    let engine: (&dyn Engine, _) = (&fake, &settings);
     let black = Image { width: 24, height: 18, data: vec![0; 24 * 18 * 3] };
     for &frame in &data.splits.easy[1..3] {
         black.write_png(&data.scene.frames[frame].path).unwrap();
     }
-    let error = evaluate(&data.scene, &data.splits, Split::Easy, None, "v5", &engine, &mut |_| {
+    let error = evaluate(&data.scene, &data.splits, Split::Easy, None, "v5", engine, &mut |_| {
         panic!("nothing is to be drawn")
     })
     .unwrap_err();

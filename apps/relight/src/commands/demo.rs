@@ -97,8 +97,8 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             shown.push((drawn.frame, drawn.image.clone()));
             Ok(unless(cancel))
         };
-        let scored =
-            evaluate(&data.scene, &data.splits, split, mean.as_ref(), "v5", engine.as_ref(), &mut seen)?;
+        let engine = (engine.as_ref(), &RenderSettings::default());
+        let scored = evaluate(&data.scene, &data.splits, split, mean.as_ref(), "v5", engine, &mut seen)?;
         let Some(scored) = scored else {
             bail!("stopped before all images were scored; the run is in {}", run.root().display());
         };

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use anyhow::bail;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
+use relight_field::engine::RenderSettings;
 use relight_scene::{Split, Splits};
 use relight_train::TrainError;
 use relight_train::baselines::mean_image;
@@ -37,6 +38,9 @@ pub struct Args {
     /// Folder for the pictures, named {scene}_{light}_{camera}.png.
     #[arg(long, value_name = "DIR")]
     images: Option<PathBuf>,
+    /// Samples a ray; as in pictures without it.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(2..=4096))]
+    samples: Option<u32>,
     /// One JSON object on standard output.
     #[arg(long)]
     json: bool,
@@ -68,7 +72,9 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     bar.clear();
     let bar = Progress::new("scoring", splits.get(args.split).len() as u64, quiet);
     let (mean, model) = (mean.as_ref(), &config.model);
-    let result = evaluate(&scene, &splits, args.split, mean, model, engine.as_ref(), &mut |drawn| {
+    let settings = RenderSettings { samples: args.samples.map(|n| n as usize), ..RenderSettings::default() };
+    let engine = (engine.as_ref(), &settings);
+    let result = evaluate(&scene, &splits, args.split, mean, model, engine, &mut |drawn| {
         let Drawn { done, all, .. } = drawn;
         bar.count(done, all, "images");
         if let Some(folder) = &args.images {
