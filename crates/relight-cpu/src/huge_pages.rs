@@ -66,8 +66,12 @@ mod tests {
         let zeros = || std::iter::repeat_n(0u8, 4 * HUGE);
         let (plain, huge): (Vec<u8>, _) = (zeros().collect(), collect(zeros()));
         let asked = |array: &[u8]| {
-            flags(array.as_ptr() as usize + 2 * HUGE).is_none_or(|flags| flags.split(' ').any(|f| f == "hg"))
+            let flags = flags(array.as_ptr() as usize + 2 * HUGE)?;
+            Some(flags.split(' ').any(|flag| flag == "hg"))
         };
-        assert!(asked(&huge) && !asked(&plain));
+        // Some systems do not tell.
+        if let (Some(huge), Some(plain)) = (asked(&huge), asked(&plain)) {
+            assert!(huge && !plain);
+        }
     }
 }

@@ -7,8 +7,7 @@
 //! [`density_grid`] learns where to march. Threads share out lanes of some tiles each, and a lane goes through all of it up to
 //! the optimisers by itself. Every result is the same for any number of threads. Pictures are
 //! drawn front to back (`draw`, `front_to_back`), in ray [`packet`]s. [`stages`] counts what each phase takes, and [`limits`] measures what it
-//! could; where memory is waited for, [`prefetch`] asks it ahead, and
-//! [`huge_pages`] spares looking for where it is.
+//! could; where memory is waited for, [`prefetch`] asks it ahead, and [`huge_pages`] spares looking for where it is.
 
 pub mod adam;
 pub mod aligned;

@@ -220,13 +220,14 @@ impl Mlp {
             let (before, after) = tape.values.split_at_mut(i);
             let x = before.last().map_or(inputs, |outputs| outputs);
             let (own_a, shared_a) = a.split_at(own.len() * layer.outputs);
+            let [own_fixed, shared_fixed] = self.fixed[i].each_ref().map(Option::as_ref);
+            let own_a = Matrix { fixed: own_fixed, ..Matrix::new(own_a, layer.outputs, 0) };
+            let shared_a = Matrix { fixed: shared_fixed, ..Matrix::new(shared_a, layer.outputs, 0) };
             let shared = layer.inputs - own.len();
             let base = if shared > 0 {
                 let (shared_x, y) = (&tape.shared[i], &mut tape.of_points);
                 let shape = (shared, layer.outputs, padded(points));
-                let a =
-                    Matrix { fixed: self.fixed[i][1].as_ref(), ..Matrix::new(shared_a, layer.outputs, 0) };
-                multiply(level, a, shared_x, y, shape, None, Store::Set);
+                multiply(level, shared_a, shared_x, y, shape, None, Store::Set);
                 repeat_rows(&y[..shape.1 * shape.2], points, &mut tape.repeated);
                 Some(Base { data: &tape.repeated, period: points })
             } else {
@@ -234,8 +235,7 @@ impl Mlp {
             };
             let store = if i + 1 < self.layers.len() { Store::Rectified } else { Store::Set };
             let shape = (own.len(), layer.outputs, columns);
-            let a = Matrix { fixed: self.fixed[i][0].as_ref(), ..Matrix::new(own_a, layer.outputs, 0) };
-            multiply(level, a, x, &mut after[0], shape, base, store);
+            multiply(level, own_a, x, &mut after[0], shape, base, store);
         }
     }
 

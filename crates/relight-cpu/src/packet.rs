@@ -60,7 +60,7 @@ mod tests {
         first_rays(&Rays { origins, directions }, &spans, grid.cell_size(), &mut firsts);
         let alone = rays.iter().zip(&spans).map(|(&ray, &span)| {
             let mut t = [f32::NAN; SAMPLES];
-            place(guide(grid, &cube), ray, span, None, &mut t);
+            place(guide(grid, &cube, false), ray, span, None, &mut t);
             t
         });
         let alone: Vec<_> = alone.collect();

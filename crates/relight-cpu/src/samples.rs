@@ -143,9 +143,11 @@ impl SampleBatch {
         let Self { spans, firsts, alone, scratch, t, lengths, .. } = self;
         spans.clear();
         spans.extend((0..n).map(ray).map(|(origin, direction)| marcher.cube.clip(origin, direction)));
-        firsts.clear();
         match jitter.0 {
-            Some(_) => firsts.extend(0..n),
+            Some(_) => {
+                firsts.clear();
+                firsts.extend(0..n);
+            }
             None => first_rays(rays, spans, marcher.density.cell_size(), firsts),
         }
         alone.clear();
@@ -287,7 +289,7 @@ fn place_each(
     rays: &Rays,
     shape: (usize, usize),
     (t, lengths): (&mut [f32], &mut [f32]),
-    mut one: impl FnMut(usize, (f32, f32), &mut [f32]),
+    mut one: impl FnMut(usize, Span, &mut [f32]),
 ) {
     for (ray, (&origin, &direction)) in rays.origins.iter().zip(&rays.directions).enumerate() {
         let here = columns_of(ray, shape);

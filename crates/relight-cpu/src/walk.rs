@@ -9,7 +9,7 @@ use crate::density_grid::{BRICK, DensityGrid};
 
 /// Rays that go beside each other.
 pub const LANES: usize = 16;
-/// Steps of a way, at most: as many as single precision counts.
+/// Steps of a way, at most: as many as single precision tells apart with a half added.
 const MOST_STEPS: usize = 1 << 23;
 
 /// The way of a ray in the unit cube.
@@ -50,8 +50,8 @@ struct Lanes {
     direction: [[f32; LANES]; 3],
     /// Distances from one face of a brick to the opposite one, metres; a huge number for faces that the ray runs along.
     crossing: [[f32; LANES]; 3],
-    /// 1 where the ray goes to higher coordinates, else 0: less the share of a brick that lies at lower coordinates, and without
-    /// sign, it is the share that lies before the ray.
+    /// 0 where the ray goes to lower coordinates, else 1 (where it runs along the faces too, lest none of the brick lie before it):
+    /// less the share of a brick that lies at lower coordinates, and without sign, it is the share that lies before the ray.
     upward: [[f32; LANES]; 3],
     /// See [`Way::near`].
     near: [f32; LANES],
@@ -135,7 +135,7 @@ fn walk_simd<S: Simd>(simd: S, grid: &DensityGrid, ways: &[Way], walker: &mut im
         let at = next.to_float::<f32x16<S>>() + half;
         let at = at.mul_add(f32x16::from_slice(simd, &lanes.step), f32x16::from_slice(simd, &lanes.near));
         let [x, y, z] = [lanes.place(simd, 0, at), lanes.place(simd, 1, at), lanes.place(simd, 2, at)];
-        // Only a ray that misses the box may be beyond what 32 bits hold, and to that any cell will do.
+        // Only rays that miss the box, and lanes without one, may be beyond what 32 bits hold, and to those any cell will do.
         let cell = grid.cells_at(simd, [x.to_int(), y.to_int(), z.to_int()]);
         let mut index = [0; LANES];
         cell.store_slice(&mut index);
@@ -298,26 +298,35 @@ pub(crate) mod tests {
         }
     }
 
-    /// More rays than lanes, of many lengths, some of no step, through cells of all kinds.
+    /// More rays than lanes, of many lengths, some of no step, some along an axis and some from beyond the box, through a grid of which
+    /// most bricks are empty.
     #[test]
     fn each_of_many_rays_goes_its_own_way() {
         let random = Random::new(7, 0);
+        let number = |i: u64| random.uniform_at(i);
         let grid = DensityGrid::uniform(&BOUNDS, 64, 0.0);
-        for i in 0..80_000 {
-            let density = [0.0, 10.0, 500.0][(random.u64_at(2 * i) % 3) as usize];
-            grid.observe((random.u64_at(2 * i + 1) % (64 * 64 * 64)) as usize, density);
+        for i in 0..100 {
+            let brick = [0, 1, 2].map(|a| 8 * (8.0 * number(3 * i + a)) as usize);
+            for k in 0..300 {
+                let within = [0, 1, 2].map(|a| (8.0 * number(1000 * (i + 1) + 3 * k + a)) as usize);
+                let density = [0.0, 10.0, 500.0][(3.0 * number(1_000_000 + 300 * i + k)) as usize];
+                grid.observe(grid.cell_at([0, 1, 2].map(|a| brick[a] + within[a])), density);
+            }
         }
-        let number = |i: usize| random.uniform_at(1 << 20 | i as u64);
-        let ways: Vec<Way> = (0..100)
+        let ways: Vec<Way> = (0..200)
             .map(|i| {
-                let [a, b]: [[f32; 3]; 2] = [0, 3].map(|k| [0, 1, 2].map(|axis| number(8 * i + k + axis)));
-                let steps = [0, 1, 37, 64, 90][i % 5];
-                way((a, [0, 1, 2].map(|axis| b[axis] - a[axis])), (0.0, 1.0 / 90.0, steps))
+                let place = |k: u64| [0, 1, 2].map(|a| 1.6 * number(2_000_000 + 8 * i + k + a) - 0.3);
+                let (origin, mut target) = (place(0), place(3));
+                (0..3)
+                    .filter(|a| i % 7 == 0 && i % 3 != *a)
+                    .for_each(|a| target[a as usize] = origin[a as usize]);
+                let steps = [0, 1, 37, 64, 90][(i % 5) as usize];
+                way((origin, [0, 1, 2].map(|a| target[a] - origin[a])), (0.0, 1.0 / 90.0, steps))
             })
             .collect();
         for (level, most) in levels().into_iter().flat_map(|level| [(level, usize::MAX), (level, 3)]) {
             let met = met(level, &grid, &ways, most);
-            assert!(met.iter().any(|met| met.len() > 10.min(most - 1)));
+            assert!(met.iter().filter(|met| met.len() >= most.min(4)).count() > 20);
             for (way, met) in ways.iter().zip(met) {
                 let ray = (way.origin, way.direction);
                 let depths = step_by_step(&grid, ray, (way.near, way.step, way.steps)).enumerate();

@@ -80,8 +80,8 @@ pub struct StepSettings {
     /// gradients go back to the grid, and those that stay count more in proportion; 0 leaves none out. Engines may go
     /// without.
     pub roulette: f32,
-    /// Whether samples also go where the engine knows of nothing: thin things have to be looked for. Engines that place samples
-    /// by what they know place them as in pictures otherwise.
+    /// Whether more samples go where the engine knows of nothing: things have to be found. Otherwise engines that place samples by
+    /// what they know share them out as in pictures.
     pub search: bool,
 }
 

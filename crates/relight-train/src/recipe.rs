@@ -12,9 +12,6 @@ use serde::{Deserialize, Serialize};
 use crate::TrainError;
 use crate::schedule::Schedule;
 
-/// Share of a training, from its beginning, in which samples also go where the engine knows of nothing.
-const SEARCH: f64 = 0.2;
-
 /// A recipe by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Preset {
@@ -97,6 +94,10 @@ pub struct Recipe {
     pub report_every: u64,
     /// How samples are placed along a ray.
     pub sampling: Sampling,
+    /// Share of the training, from its beginning, in which more of the guided ones, on shadow rays too, go where nothing is known
+    /// of. Recipes without a word of it search all the time.
+    #[serde(default = "always")]
+    pub search: f64,
     /// Where colour is decoded.
     pub shading: Shading,
     /// Samples whose gradients are shorter than this many times the mean are left out at random when gradients go back
@@ -144,6 +145,7 @@ impl Recipe {
             validation_pixels: 1_000_000,
             report_every: 10,
             sampling: Sampling::Stratified { coarse: 128, fine: 128 },
+            search: 0.0,
             shading: Shading::PerSample,
             roulette: 0.0,
             optimiser: Optimiser::Adam,
@@ -175,6 +177,7 @@ impl Recipe {
             validation_pixels: 250_000,
             report_every: 100,
             sampling: Sampling::Guided { samples: 16 },
+            search: 0.2,
             shading: Shading::Deferred,
             roulette: 1.5,
             optimiser: Optimiser::Soap,
@@ -197,7 +200,7 @@ impl Recipe {
             distortion_weight: self.distortion_weight.at(progress) as f32,
             probe_weight: self.probe_weight.at(progress) as f32,
             roulette: self.roulette as f32,
-            search: progress < SEARCH,
+            search: progress < self.search,
         }
     }
 
@@ -221,6 +224,9 @@ impl Recipe {
         }
         if !(self.roulette.is_finite() && (0.0..=16.0).contains(&self.roulette)) {
             return fault("roulette", "0 to 16 times the mean");
+        }
+        if !(0.0..=1.0).contains(&self.search) {
+            return fault("search", "a share of the training, 0 to 1");
         }
         if !(self.beta2 > 0.0 && self.beta2 <= LARGEST_BETA2) {
             return fault("beta2", "above 0, and at most 0.999");
@@ -270,9 +276,16 @@ impl Recipe {
     }
 }
 
+/// The default of [`Recipe::search`].
+fn always() -> f64 {
+    1.0
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    const BOUNDS: Bounds = Bounds { lo: [-1.0; 3], hi: [1.0; 3] };
 
     #[test]
     fn presets_are_valid_and_survive_toml() {
@@ -311,6 +324,10 @@ mod tests {
             let recipe = Recipe { beta2, ..Recipe::fast() };
             assert!(recipe.validate().unwrap_err().to_string().contains("beta2"));
         }
+        for search in [-0.1, 1.1, f64::NAN] {
+            let recipe = Recipe { search, ..Recipe::fast() };
+            assert!(recipe.validate().unwrap_err().to_string().contains("search"));
+        }
         let recipe = Recipe { roulette: f64::NAN, ..Recipe::fast() };
         assert!(recipe.validate().unwrap_err().to_string().contains("roulette"));
         let recipe = Recipe { rays_per_step: 0, ..Recipe::fast() };
@@ -318,11 +335,27 @@ mod tests {
     }
 
     #[test]
-    fn recipes_of_before_have_adam() {
+    fn recipes_of_before_have_adam_and_search_all_the_time() {
         let text = toml::to_string(&Recipe::fast()).unwrap();
-        let before = text.replace("optimiser = \"soap\"\n", "");
-        assert_ne!(text, before);
-        assert_eq!(toml::from_str::<Recipe>(&before).unwrap().optimiser, Optimiser::Adam);
+        let before = text.replace("optimiser = \"soap\"\n", "").replace("search = 0.2\n", "");
+        assert_eq!(before.lines().count() + 2, text.lines().count());
+        let recipe = toml::from_str::<Recipe>(&before).unwrap();
+        assert_eq!((recipe.optimiser, recipe.search), (Optimiser::Adam, 1.0));
+        recipe.validate().unwrap();
+        assert!(recipe.step_settings(0, 0.999, &BOUNDS).search);
+    }
+
+    #[test]
+    fn trainings_search_at_their_beginning() {
+        for (recipe, progress, search) in [
+            (Recipe::fast(), 0.0, true),
+            (Recipe::fast(), 0.19, true),
+            (Recipe::fast(), 0.2, false),
+            (Recipe::fast(), 1.0, false),
+            (Recipe::paper(), 0.0, false),
+        ] {
+            assert_eq!(recipe.step_settings(7, progress, &BOUNDS).search, search, "{progress}");
+        }
     }
 
     #[test]

@@ -6,6 +6,7 @@ use relight_cpu::march::along;
 use relight_cpu::samples::{Jitter, SampleBatch};
 use relight_field::architecture::V5;
 use relight_field::encoding::hash_grid;
+use relight_field::engine::Rays;
 use relight_field::random::Random;
 use relight_field::sampling::Sampling;
 
@@ -69,21 +70,26 @@ fn features_are_those_of_the_samples_positions() {
     }
 }
 
-/// Rays in the same place share their samples in pictures; random samples are each ray's own.
+/// Rays beside each other share their samples in pictures; random samples are each ray's own.
 #[test]
-fn equal_rays_share_samples_unless_those_are_random() {
-    let (mut rays, parts) = (rays(5), Parts::new(&field(V5)));
-    for r in 0..5 {
-        rays.origins.insert(2 * r + 1, rays.origins[2 * r]);
-        rays.directions.insert(2 * r + 1, rays.directions[2 * r]);
-    }
-    let mut batch = SampleBatch::default();
-    for random in [None, Some(Random::new(3, 0))] {
-        batch.fill(&parts.marcher(Level::new()), &rays, SAMPLINGS[0], 3, Jitter(random));
-        let samples = plain_samples(&batch, 10);
-        // The first pair misses the box.
-        for pair in samples.chunks_exact(2).skip(1) {
-            assert_eq!(pair[0].t == pair[1].t, random.is_none());
+fn rays_beside_each_other_share_samples_unless_those_are_random() {
+    let (rays, parts) = (rays(6), Parts::new(&field(V5)));
+    let marcher = parts.marcher(Level::new());
+    let places = |rays: &Rays, random: Option<Random>| -> Vec<Vec<f64>> {
+        let mut batch = SampleBatch::default();
+        batch.fill(&marcher, rays, SAMPLINGS[0], 3, Jitter(random));
+        // The last of them is where the ray leaves the box.
+        plain_samples(&batch, rays.origins.len()).into_iter().map(|s| s.t[..12].to_vec()).collect()
+    };
+    // The first ray misses the box.
+    for r in 1..6 {
+        let beside = normalised([0, 1, 2].map(|a| rays.directions[r][a] + [0.0, 1e-3, -1e-3][a]));
+        let pair = Rays { origins: vec![rays.origins[r]; 2], directions: vec![rays.directions[r], beside] };
+        let second = Rays { origins: vec![rays.origins[r]], directions: vec![beside] };
+        for random in [None, Some(Random::new(3, 0))] {
+            let shared = places(&pair, random);
+            assert_eq!(shared[0] == shared[1], random.is_none());
+            assert_ne!(shared[1], places(&second, None)[0]);
         }
     }
 }
