@@ -45,6 +45,7 @@ pub fn take_places((near, far): Span, t: &mut [f32]) {
 mod tests {
     use super::*;
     use crate::density_grid::DensityGrid;
+    use crate::guide::Ray;
     use crate::guide::tests::{guide, place};
     use crate::march::UnitCube;
     use crate::march::tests::{BOUNDS, assert_ascends, assert_tiles};
@@ -53,7 +54,7 @@ mod tests {
     const SAMPLES: usize = 16;
 
     /// Samples of each of these rays, in one packet after the other; and of each by itself.
-    fn place_all(grid: &DensityGrid, rays: &[([f32; 3], [f32; 3])]) -> Vec<([f32; 16], [f32; 16])> {
+    fn place_all(grid: &DensityGrid, rays: &[Ray]) -> Vec<([f32; 16], [f32; 16])> {
         let (cube, mut firsts) = (UnitCube::new(&BOUNDS), Vec::new());
         let spans: Vec<Span> = rays.iter().map(|ray| cube.clip(ray.0, ray.1)).collect();
         let (origins, directions) = rays.iter().copied().unzip();

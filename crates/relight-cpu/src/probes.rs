@@ -80,8 +80,9 @@ impl<'a> Probes<'a> {
         let (each, mut transmittance) = (lights.len() / points.len().max(1), vec![1.0; lights.len()]);
         // Most see their light through empty cells: nothing has to be evaluated for those.
         let gap = CLEARANCE * marcher.density.cell_size();
-        let shadow_rays: Vec<_> = (0..)
-            .zip(lights)
+        let shadow_rays: Vec<_> = lights
+            .iter()
+            .enumerate()
             .map(|(probe, light)| {
                 let point = points[probe / each];
                 let (direction, length) = toward(point, light.position);

@@ -85,6 +85,20 @@ impl Lanes {
         }
     }
 
+    /// Puts a ray at the beginning of its way.
+    fn set(&mut self, lane: usize, cells: f32, way: &Way) {
+        for axis in 0..3 {
+            let direction = way.direction[axis] * cells;
+            self.origin[axis][lane] = way.origin[axis] * cells;
+            self.direction[axis][lane] = direction;
+            self.crossing[axis][lane] = (BRICK as f32 / direction.abs()).min(f32::MAX);
+            self.upward[axis][lane] = if direction >= 0.0 { 1.0 } else { 0.0 };
+        }
+        (self.near[lane], self.step[lane], self.steps_a_metre[lane]) = (way.near, way.step, 1.0 / way.step);
+        (self.next[lane], self.steps[lane]) = (0, way.steps.min(MOST_STEPS) as i32);
+        self.taken |= 1 << lane;
+    }
+
     /// Where the rays are along an axis at these distances, in cells.
     #[inline(always)]
     fn place<S: Simd>(&self, simd: S, axis: usize, at: f32x16<S>) -> f32x16<S> {
@@ -99,19 +113,6 @@ impl Lanes {
         let within = bricks - bricks.trunc();
         let before = (f32x16::from_slice(simd, &self.upward[axis]) - within).abs();
         (before + around) * f32x16::from_slice(simd, &self.crossing[axis])
-    }
-
-    fn set(&mut self, lane: usize, cells: f32, way: &Way) {
-        for axis in 0..3 {
-            let direction = way.direction[axis] * cells;
-            self.origin[axis][lane] = way.origin[axis] * cells;
-            self.direction[axis][lane] = direction;
-            self.crossing[axis][lane] = (BRICK as f32 / direction.abs()).min(f32::MAX);
-            self.upward[axis][lane] = if direction >= 0.0 { 1.0 } else { 0.0 };
-        }
-        (self.near[lane], self.step[lane], self.steps_a_metre[lane]) = (way.near, way.step, 1.0 / way.step);
-        (self.next[lane], self.steps[lane]) = (0, way.steps.min(MOST_STEPS) as i32);
-        self.taken |= 1 << lane;
     }
 }
 
@@ -190,13 +191,11 @@ fn bits(mut left: u32) -> impl Iterator<Item = usize> {
 pub(crate) mod tests {
     use super::*;
     use crate::dense::tests::levels;
+    use crate::guide::Ray;
     use crate::march::UnitCube;
     use crate::march::tests::{BOUNDS, origin};
     use proptest::prelude::*;
     use relight_field::random::Random;
-
-    /// An origin and a direction.
-    pub(crate) type Ray = ([f32; 3], [f32; 3]);
 
     fn way((origin, direction): Ray, (near, step, steps): (f32, f32, usize)) -> Way {
         Way { origin, direction, near, step, steps }

@@ -5,13 +5,13 @@ use std::path::PathBuf;
 
 use anyhow::bail;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use relight_field::engine::RenderSettings;
 use relight_scene::{Split, Splits};
 use relight_train::TrainError;
 use relight_train::baselines::mean_image;
 use relight_train::evaluation::{Drawn, Evaluation, Scores, evaluate};
 use relight_train::run::RunFolder;
 
+use super::render::settings;
 use crate::console::{Progress, cancel_flag, counted, print_json, print_line, unless};
 use crate::preparation::{check_splits, open_scene};
 use crate::{engines, places};
@@ -38,7 +38,7 @@ pub struct Args {
     /// Folder for the pictures, named {scene}_{light}_{camera}.png.
     #[arg(long, value_name = "DIR")]
     images: Option<PathBuf>,
-    /// Samples a ray; as in pictures without it.
+    /// Samples a ray; as in training without it.
     #[arg(long, value_parser = clap::value_parser!(u32).range(2..=4096))]
     samples: Option<u32>,
     /// One JSON object on standard output.
@@ -72,7 +72,7 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     bar.clear();
     let bar = Progress::new("scoring", splits.get(args.split).len() as u64, quiet);
     let (mean, model) = (mean.as_ref(), &config.model);
-    let settings = RenderSettings { samples: args.samples.map(|n| n as usize), ..RenderSettings::default() };
+    let settings = settings(args.samples);
     let engine = (engine.as_ref(), &settings);
     let result = evaluate(&scene, &splits, args.split, mean, model, engine, &mut |drawn| {
         let Drawn { done, all, .. } = drawn;

@@ -106,7 +106,8 @@ fn picture(args: &Args, scene: &Scene, engine: &dyn Engine, quiet: bool) -> anyh
         unless(cancel)
     };
     let started = Instant::now();
-    let picture = render(engine, &lens, &pose, &light, args.map.outputs(), &settings(args), &mut progress);
+    let picture =
+        render(engine, &lens, &pose, &light, args.map.outputs(), &settings(args.samples), &mut progress);
     bar.clear();
     let picture = picture?;
     tracing::info!("drawn in {:.3} s", started.elapsed().as_secs_f64());
@@ -139,7 +140,7 @@ fn film(args: &Args, path: &str, scene: &Scene, engine: &dyn Engine, quiet: bool
             &shot.camera,
             &shot.light,
             args.map.outputs(),
-            &settings(args),
+            &settings(args.samples),
             &mut |_, _| unless(cancel),
         )?;
         drawing += started.elapsed();
@@ -153,8 +154,9 @@ fn film(args: &Args, path: &str, scene: &Scene, engine: &dyn Engine, quiet: bool
     Ok(())
 }
 
-fn settings(args: &Args) -> RenderSettings {
-    RenderSettings { samples: args.samples.map(|n| n as usize), ..RenderSettings::default() }
+/// With so many samples a ray; as in training if that is not given.
+pub fn settings(samples: Option<u32>) -> RenderSettings {
+    RenderSettings { samples: samples.map(|n| n as usize), ..RenderSettings::default() }
 }
 
 fn resized(lens: &Intrinsics, size: Option<(u32, u32)>) -> Intrinsics {

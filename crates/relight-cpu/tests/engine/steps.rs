@@ -30,6 +30,17 @@ fn settings(step: u64) -> StepSettings {
     }
 }
 
+/// Of so many guided samples a ray.
+fn guided(samples: usize) -> EngineConfig {
+    EngineConfig {
+        sampling: Sampling::Guided { samples },
+        shading: SHADINGS[0],
+        optimiser: Optimiser::Adam,
+        beta2: 0.999,
+        seed: SEED,
+    }
+}
+
 fn f32s<'a>(state: &'a EngineState, name: &str) -> &'a [f32] {
     match &state[name] {
         StateTensor::F32(values) => values,
@@ -188,13 +199,7 @@ fn networks_follow_by_soap_as_the_oracle_does() {
 #[test]
 fn probes_that_nobody_trusts_change_nothing() {
     let batch = batch(40, 3);
-    let config = EngineConfig {
-        sampling: Sampling::Guided { samples: 12 },
-        shading: SHADINGS[0],
-        optimiser: Optimiser::Adam,
-        beta2: 0.999,
-        seed: SEED,
-    };
+    let config = guided(12);
     let [without, distrusted] = [(0.0, 0.005), (0.7, 0.0)].map(|(probe_weight, least)| {
         let parameters = field(V5);
         let mut engine = CpuEngine::new(&parameters, config).unwrap();
@@ -217,13 +222,7 @@ fn probes_that_nobody_trusts_change_nothing() {
 #[test]
 fn steps_that_search_place_samples_otherwise() {
     let (batch, parameters) = (batch(60, 2), field(V5));
-    let config = EngineConfig {
-        sampling: Sampling::Guided { samples: 12 },
-        shading: SHADINGS[0],
-        optimiser: Optimiser::Adam,
-        beta2: 0.999,
-        seed: SEED,
-    };
+    let config = guided(12);
     let random = Random::new(8, 0);
     let point = |i: u64| [0, 1, 2].map(|a| 0.6 * random.uniform_at(3 * i + a) - [0.3, 0.3, 0.0][a as usize]);
     let points: Vec<[f32; 3]> = (0..20_000).map(point).collect();
@@ -242,13 +241,7 @@ fn stages_count_what_a_step_takes() {
     let (n, samples) = (40, 12);
     let batch = batch(n, 3);
     let parameters = field(V5);
-    let config = EngineConfig {
-        sampling: Sampling::Guided { samples },
-        shading: SHADINGS[0],
-        optimiser: Optimiser::Adam,
-        beta2: 0.999,
-        seed: SEED,
-    };
+    let config = guided(samples);
     let mut engine = CpuEngine::new(&parameters, config).unwrap();
     for step in 0..2 {
         engine
