@@ -68,13 +68,15 @@ pub struct Places<'a> {
 
 impl Places<'_> {
     /// Draws samples, metres, ascending: `t.len() - 1` of them inside the box, sample `i` in its part of the distribution at
-    /// `jitter(i)` of 0..1, and the last where the ray leaves the box.
-    pub fn draw(&self, jitter: impl Fn(usize) -> f32, t: &mut [f32]) {
-        let Some((last, t)) = t.split_last_mut() else { return };
-        *last = self.far;
+    /// `jitter(i)` of 0..1, and the last where the ray leaves the box. `apart[i]` is how far samples as sample `i` are apart.
+    pub fn draw(&self, jitter: impl Fn(usize) -> f32, t: &mut [f32], apart: &mut [f32]) {
+        let (Some((last, t)), Some(last_apart)) = (t.split_last_mut(), apart.last_mut()) else { return };
+        (*last, *last_apart) = (self.far, f32::INFINITY);
         let end =
             |stretch: usize| (self.near + self.stretches.ends[stretch] as f32 * self.step).min(self.far);
-        draw(&self.stretches.mass, self.near, end, jitter, t);
+        draw(&self.stretches.mass, self.near, end, jitter, t.len(), |i, at, distance| {
+            (t[i], apart[i]) = (at, distance);
+        });
     }
 }
 
@@ -282,7 +284,9 @@ pub(crate) mod tests {
         guide.guided(iter::once((ray, span)), &mut GuideScratch::default(), |i, places| {
             assert_eq!(i, 0);
             placed += 1;
-            places.draw(|k| jitter.map_or(0.5, |jitter| jitter(k)), t);
+            let mut apart = vec![f32::NAN; t.len()];
+            places.draw(|k| jitter.map_or(0.5, |jitter| jitter(k)), t, &mut apart);
+            assert!(apart.iter().all(|&a| a >= 0.0), "{apart:?}");
         });
         assert_eq!(placed, 1);
     }
@@ -333,7 +337,14 @@ pub(crate) mod tests {
         mass.iter_mut().for_each(|m| *m = *m * scale + share / bins as f32);
         let (last, t) = t.split_last_mut().unwrap();
         *last = far;
-        draw(&mass, near, |b| (near + (b as f32 + 1.0) * step).min(far), |_| 0.5, t);
+        draw(
+            &mass,
+            near,
+            |b| (near + (b as f32 + 1.0) * step).min(far),
+            |_| 0.5,
+            t.len(),
+            |i, at, _| t[i] = at,
+        );
     }
 
     proptest! {

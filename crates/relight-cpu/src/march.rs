@@ -1,6 +1,7 @@
 //! From rays to samples.
 //!
-//! A ray is cut into intervals that tile its way through the box; each holds one sample. The last sample is opaque.
+//! A ray is cut into intervals, each around one sample, that tile its way through the box, or through what may be filled of it. The last
+//! sample is opaque.
 
 use relight_scene::Bounds;
 
@@ -65,13 +66,19 @@ pub fn along(origin: [f32; 3], direction: [f32; 3], t: f32) -> [f32; 3] {
     std::array::from_fn(|a| t * direction[a] + origin[a])
 }
 
-/// Lengths of the intervals that sorted samples stand for: cut halfway between neighbours, and at `near` and `far`.
-pub fn interval_lengths(t: &[f32], (near, far): (f32, f32), lengths: &mut [f32]) {
-    let mut start = near;
+/// Lengths of the intervals that sorted samples stand for: cut halfway between neighbours, and at `near` and `far`; but on neither side
+/// does sample `i` reach further than `reach(i)`.
+pub fn interval_lengths(
+    t: &[f32],
+    (near, far): (f32, f32),
+    reach: impl Fn(usize) -> f32,
+    lengths: &mut [f32],
+) {
+    let mut before = t.first().map_or(0.0, |first| first - near);
     for (i, length) in lengths[..t.len()].iter_mut().enumerate() {
-        let end = if i + 1 < t.len() { 0.5 * (t[i] + t[i + 1]) } else { far };
-        *length = (end - start).max(0.0);
-        start = end;
+        let after = t.get(i + 1).map_or(far - t[i], |next| 0.5 * (next - t[i]));
+        *length = (before.min(reach(i)) + after.min(reach(i))).max(0.0);
+        before = after;
     }
 }
 
@@ -83,27 +90,33 @@ pub fn stratified((near, far): (f32, f32), jitter: impl Fn(usize) -> f32, t: &mu
     }
 }
 
-/// Draws `t.len()` sorted samples from a density that is constant on bins: bin `b` ends at `end(b)` and holds
-/// `mass[b]`, the first begins at `near`.
+/// Draws `n` samples, ascending, from a density that is constant on bins: bin `b` ends at `end(b)` and holds `mass[b]`, the first begins
+/// at `near`. `put(i, t, apart)` is told where sample `i` is, and how far samples are apart where the density is as there.
 pub fn draw(
     mass: &[f32],
     near: f32,
     end: impl Fn(usize) -> f32,
     jitter: impl Fn(usize) -> f32,
-    t: &mut [f32],
+    n: usize,
+    mut put: impl FnMut(usize, f32, f32),
 ) {
     let total: f32 = mass.iter().sum();
-    let step = total / t.len() as f32;
+    let step = total / n as f32;
     let (mut bin, mut before, mut start) = (0, 0.0, near);
-    for (i, t) in t.iter_mut().enumerate() {
+    for i in 0..n {
         let target = (i as f32 + jitter(i)) * step;
         while bin + 1 < mass.len() && before + mass[bin] < target {
             before += mass[bin];
             start = end(bin);
             bin += 1;
         }
-        let share = if mass[bin] > 0.0 { ((target - before) / mass[bin]).clamp(0.0, 1.0) } else { 0.5 };
-        *t = start + share * (end(bin) - start);
+        let (length, here) = (end(bin) - start, mass[bin]);
+        if here > 0.0 {
+            let scale = length / here;
+            put(i, start + (target - before).clamp(0.0, here) * scale, scale * step);
+        } else {
+            put(i, start + 0.5 * length, length);
+        }
     }
 }
 
@@ -170,13 +183,28 @@ pub(crate) mod tests {
 
     pub(crate) fn assert_tiles(t: &[f32], span: (f32, f32)) {
         let mut lengths = vec![f32::NAN; t.len()];
-        interval_lengths(t, span, &mut lengths);
+        interval_lengths(t, span, |_| f32::INFINITY, &mut lengths);
         assert!(lengths.iter().all(|&l| l >= 0.0), "{lengths:?}");
         let sum: f32 = lengths.iter().sum();
         assert!((sum - (span.1 - span.0)).abs() < 1e-5 * (1.0 + span.1), "{sum} {span:?}");
     }
 
     proptest! {
+        #[test]
+        fn samples_stand_for_what_lies_halfway_to_their_neighbours_and_within_reach(
+            samples in proptest::collection::vec((0.1f32..2.0, 0f32..0.3), 1..20),
+        ) {
+            let (mut t, reach): (Vec<f32>, Vec<f32>) = samples.into_iter().unzip();
+            t.sort_by(f32::total_cmp);
+            let mut lengths = vec![f32::NAN; t.len()];
+            interval_lengths(&t, (0.0, 2.1), |i| reach[i], &mut lengths);
+            for (i, &length) in lengths.iter().enumerate() {
+                let before = if i == 0 { t[0] } else { 0.5 * (t[i] - t[i - 1]) };
+                let after = t.get(i + 1).map_or(2.1 - t[i], |next| 0.5 * (next - t[i]));
+                prop_assert!((length - before.min(reach[i]) - after.min(reach[i])).abs() < 1e-6);
+            }
+        }
+
         #[test]
         fn rays_are_clipped_to_the_box(origin in origin(), direction in direction()) {
             assert_clips(origin, direction);
@@ -247,16 +275,19 @@ pub(crate) mod tests {
 
     #[test]
     fn draws_follow_the_mass() {
+        let (mut t, mut apart) = (vec![f32::NAN; 400], vec![f32::NAN; 400]);
         let mass = [0.0, 3.0, 0.0, 1.0];
-        let mut t = vec![f32::NAN; 400];
-        draw(&mass, 2.0, |b| 2.0 + (b as f32 + 1.0) * 0.5, |_| 0.5, &mut t);
+        let mut put = |i: usize, at, distance| (t[i], apart[i]) = (at, distance);
+        draw(&mass, 2.0, |b| 2.0 + (b as f32 + 1.0) * 0.5, |_| 0.5, 400, &mut put);
         assert_ascends(&t, (2.0, 4.0));
         let within = |lo, hi| t.iter().filter(|t| (lo..hi).contains(*t)).count();
         assert_eq!((within(2.5, 3.0), within(3.5, 4.0)), (300, 100));
         // Evenly inside a bin.
         assert!((t[150] - (2.5 + 0.5 * 150.5 / 300.0)).abs() < 1e-4);
+        assert!((0..300).all(|i| (apart[i] - 0.5 / 300.0).abs() < 1e-6));
+        assert!((300..400).all(|i| (apart[i] - 0.5 / 100.0).abs() < 1e-6));
         // Without any mass they are still somewhere on the ray.
-        draw(&[0.0; 3], 0.0, |b| b as f32 + 1.0, |_| 0.5, &mut t);
+        draw(&[0.0; 3], 0.0, |b| b as f32 + 1.0, |_| 0.5, 400, |i, at, _| t[i] = at);
         assert_ascends(&t, (0.0, 3.0));
     }
 }

@@ -19,6 +19,10 @@ use crate::packet::{first_rays, take_places};
 use crate::pool::Pool;
 use crate::tile::{TileRays, Workspace};
 
+/// Cells of the density grid for which a sample may stand on either side, wherever its neighbours are. Beyond, it stands for as much as
+/// samples like it are apart. The last sample before a void would stand for half of that otherwise, and its little density would be a fog.
+const REACH: f32 = 0.5;
+
 /// Random numbers of one batch: number `k` of ray `r` is `index r * 2^16 + k`.
 #[derive(Clone, Copy)]
 pub struct Jitter(pub Option<Random>);
@@ -82,6 +86,8 @@ pub struct SampleBatch {
     pub marched: StageCost,
     /// See `marched`.
     pub encoded: StageCost,
+    /// `[tile][columns]`, of the first rays of packets: how far samples as each are apart, metres.
+    apart: Vec<f32>,
     /// Where rays enter and leave the box.
     spans: Vec<Span>,
     /// The first ray of each ray's packet.
@@ -140,7 +146,8 @@ impl SampleBatch {
         let ray = |ray: usize| (rays.origins[ray], rays.directions[ray]);
         let (n, shape) = (rays.origins.len(), (self.tile_rays, self.samples));
         let columns = |ray: usize| columns_of(ray, shape);
-        let Self { spans, firsts, alone, scratch, t, lengths, .. } = self;
+        let Self { spans, firsts, alone, scratch, t, lengths, apart, .. } = self;
+        apart.resize(t.len(), 0.0);
         spans.clear();
         spans.extend((0..n).map(ray).map(|(origin, direction)| marcher.cube.clip(origin, direction)));
         match jitter.0 {
@@ -154,14 +161,17 @@ impl SampleBatch {
         alone.extend((0..n).filter(|&ray| firsts[ray] == ray));
         let guided = alone.iter().map(|&i| (ray(i), spans[i]));
         marcher.guide().guided(guided, scratch, |i, places| {
-            places.draw(|k| jitter.at(alone[i], k), &mut t[columns(alone[i])]);
+            let (ray, here) = (alone[i], columns(alone[i]));
+            places.draw(|k| jitter.at(ray, k), &mut t[here.clone()], &mut apart[here]);
         });
+        let reach = if marcher.search { f32::INFINITY } else { REACH * marcher.density.cell_size() };
         for (ray, (&first, &span)) in firsts.iter().zip(&*spans).enumerate() {
             if first != ray {
                 t.copy_within(columns(first), columns(ray).start);
                 take_places(span, &mut t[columns(ray)]);
             }
-            march::interval_lengths(&t[columns(ray)], span, &mut lengths[columns(ray)]);
+            let (t, lengths, apart) = (&t[columns(ray)], &mut lengths[columns(ray)], &apart[columns(first)]);
+            march::interval_lengths(t, span, |i| apart[i].max(reach), lengths);
         }
     }
 
@@ -203,7 +213,14 @@ impl SampleBatch {
                     end
                 })
                 .collect();
-            march::draw(&mass, span.0, |b| ends[b], |k| jitter.at(ray, coarse + k), rest);
+            march::draw(
+                &mass,
+                span.0,
+                |b| ends[b],
+                |k| jitter.at(ray, coarse + k),
+                fine,
+                |i, at, _| rest[i] = at,
+            );
             t.sort_by(f32::total_cmp);
         });
     }
@@ -296,6 +313,6 @@ fn place_each(
         let (t, lengths) = (&mut t[here.clone()], &mut lengths[here]);
         let span = cube.clip(origin, direction);
         one(ray, span, t);
-        march::interval_lengths(t, span, lengths);
+        march::interval_lengths(t, span, |_| f32::INFINITY, lengths);
     }
 }

@@ -244,7 +244,7 @@ pub(crate) mod tests {
     ) -> impl Iterator<Item = f32> {
         let cells = grid.resolution() as f32;
         (0..steps).map(move |i| {
-            let at = near + (i as f32 + 0.5) * step;
+            let at = (i as f32 + 0.5).mul_add(step, near);
             let place: [f32; 3] = std::array::from_fn(|a| (d[a] * cells).mul_add(at, o[a] * cells));
             let cell = place.map(|c| (c as i32).clamp(0, grid.resolution() as i32 - 1) as usize);
             grid.optical_depth(grid.cell_at(cell))

@@ -2,8 +2,9 @@
 
 use fearless_simd::Level;
 use proptest::prelude::*;
+use relight_cpu::density_grid::DensityGrid;
 use relight_cpu::march::along;
-use relight_cpu::samples::{Jitter, SampleBatch};
+use relight_cpu::samples::{Jitter, Marcher, SampleBatch};
 use relight_field::architecture::V5;
 use relight_field::encoding::hash_grid;
 use relight_field::engine::Rays;
@@ -22,13 +23,15 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(40))]
 
     #[test]
-    fn samples_ascend_through_the_box_and_their_lengths_tile_it(
+    fn samples_ascend_through_the_box_and_their_lengths_tile_it_unless_voids_are_known(
         n in 2usize..20, tile_rays in 1usize..7, kind in 0usize..3, seed in proptest::option::of(any::<u64>()),
+        search in any::<bool>(),
     ) {
         let (rays, parts) = (rays(n), Parts::new(&field(V5)));
         let mut batch = SampleBatch::default();
         let jitter = Jitter(seed.map(|seed| Random::new(seed, 0)));
-        batch.fill(&parts.marcher(Level::new()), &rays, SAMPLINGS[kind], tile_rays, jitter);
+        let marcher = Marcher { search, ..parts.marcher(Level::new()) };
+        batch.fill(&marcher, &rays, SAMPLINGS[kind], tile_rays, jitter);
         prop_assert_eq!((batch.samples, batch.tiles(&rays)), (13, n.div_ceil(tile_rays)));
         for (r, samples) in plain_samples(&batch, n).iter().enumerate() {
             let (near, far) = parts.cube.clip(rays.origins[r], rays.directions[r]);
@@ -37,8 +40,37 @@ proptest! {
             prop_assert!(samples.t.iter().all(|t| (near - 1e-6..=far + 1e-6).contains(t)));
             prop_assert!(samples.delta.iter().all(|&d| d >= 0.0));
             let sum: f64 = samples.delta.iter().sum();
-            prop_assert!((sum - (far - near)).abs() < 1e-5, "{sum} {near} {far}");
+            prop_assert!(sum < far - near + 1e-5, "{sum} {near} {far}");
+            prop_assert!(kind == 0 && !search || sum > far - near - 1e-5, "{sum} {near} {far}");
         }
+    }
+}
+
+/// A wall and a mist before and behind it that the density grid knows of: samples before the void between them stand for little of it.
+#[test]
+fn samples_beside_a_void_stand_for_little_of_it() {
+    let mut parts = Parts::new(&field(V5));
+    parts.density = DensityGrid::uniform(&BOUNDS, 16, 0.0);
+    let walls = [0.2, 0.8].map(|x| parts.density.cell([x, 0.5, 0.5]));
+    walls.iter().for_each(|&cell| parts.density.observe(cell, 500.0));
+    let middle = parts.cube.unmap([0.5; 3]);
+    let rays = Rays { origins: vec![[-2.0, middle[1], middle[2]]], directions: vec![[1.0, 0.0, 0.0]] };
+    for jitter in [Jitter(None), Jitter(Some(Random::new(5, 0)))] {
+        let longest = |search| {
+            let mut batch = SampleBatch::default();
+            let marcher = Marcher { search, ..parts.marcher(Level::new()) };
+            batch.fill(&marcher, &rays, Sampling::Guided { samples: 64 }, 1, jitter);
+            let samples = plain_samples(&batch, 1).remove(0);
+            // Those beside the walls: of the void itself they know nothing.
+            let near = |x: f64| [0.2, 0.8].iter().any(|wall| (x - wall).abs() < 1.5 / 16.0);
+            let unit =
+                |t: f64| f64::from(parts.cube.map(along(rays.origins[0], rays.directions[0], t as f32))[0]);
+            let beside = samples.t.iter().zip(&samples.delta).filter(|(t, _)| near(unit(**t)));
+            beside.map(|(_, &length)| length).fold(0.0, f64::max)
+        };
+        let cell = f64::from(parts.density.cell_size());
+        let (searching, knowing) = (longest(true), longest(false));
+        assert!(knowing <= cell + 1e-6 && searching > knowing, "{searching} {knowing} {cell}");
     }
 }
 
