@@ -89,8 +89,8 @@ fn draw_deferred(
 ) -> Samples {
     let DrawMemory { rays, samples, seen } = memory;
     let n = rays.origins.len();
-    samples.place(marcher, rays, sampling, tile_rays(sampling), Jitter(None));
-    seen.look(marcher, rays, samples);
+    samples.enter(marcher, rays, sampling, tile_rays(sampling));
+    seen.look(marcher, rays, sampling, samples);
     let last = |ray| samples.t[samples.columns_of(ray).end - 1];
     let inside = |ray: usize| 1.0 - seen.transmittance[ray];
     let shares = |ray| deferred::shares(inside(ray), seen.transmittance[ray]);

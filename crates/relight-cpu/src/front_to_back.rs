@@ -11,6 +11,7 @@ use std::ops::Range;
 
 use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*};
 use relight_field::engine::Rays;
+use relight_field::sampling::Sampling;
 
 use crate::aligned::Aligned;
 use crate::deferred::NEGLIGIBLE;
@@ -32,7 +33,7 @@ const _: () = assert!(TILE_RAYS.is_multiple_of(COLUMN_ALIGN) && TOGETHER == 4);
 /// What a block of rays has met so far; memory that is reused from block to block.
 #[derive(Default)]
 pub struct FrontToBack {
-    /// The rays that get to their last sample, ascending.
+    /// The rays that get to their last sample.
     pub faces: Vec<usize>,
     /// `[rays]`: sum of the distances of samples inside the box, each times its weight, metres.
     pub depths: Vec<f32>,
@@ -60,8 +61,8 @@ pub struct FrontToBack {
 }
 
 impl FrontToBack {
-    /// Looks along all rays at the samples that `batch` has placed.
-    pub fn look(&mut self, marcher: &Marcher<'_>, rays: &Rays, batch: &SampleBatch) {
+    /// Looks along all rays, which `batch` has let enter the box.
+    pub fn look(&mut self, marcher: &Marcher<'_>, rays: &Rays, sampling: Sampling, batch: &mut SampleBatch) {
         let n = rays.origins.len();
         let rows = marcher.networks.features + marcher.networks.hidden_width();
         self.sums.resize(rows * padded(n));
@@ -74,11 +75,15 @@ impl FrontToBack {
         self.of_faces.clear();
         self.going.clear();
         self.going.extend(0..n);
-        for first in (0..batch.samples).step_by(TOGETHER) {
-            let samples = first..(first + TOGETHER).min(batch.samples);
-            self.encode(marcher, rays, batch, samples.clone());
-            self.accumulate(marcher, n, batch, samples);
-            self.going.retain(|&ray| self.transmittance[ray] > 0.0);
+        while !self.going.is_empty() {
+            batch.look_on(marcher, rays, sampling, &self.going);
+            for first in (0..batch.samples).step_by(TOGETHER) {
+                let samples = first..(first + TOGETHER).min(batch.samples);
+                self.encode(marcher, rays, batch, samples.clone());
+                self.accumulate(marcher, n, batch, samples);
+                self.going.retain(|&ray| self.transmittance[ray] > 0.0);
+            }
+            self.going.retain(|&ray| !batch.leaves(ray));
         }
         let wide = padded(self.faces.len());
         self.face_rows.resize(rows * wide);
@@ -146,7 +151,7 @@ impl FrontToBack {
                         let (weight, before) =
                             (&mut self.weights[s * TILE_RAYS + r], self.transmittance[ray]);
                         let mut after = before * *weight;
-                        if sample + 1 == batch.samples {
+                        if sample + 1 == batch.samples && batch.leaves(ray) {
                             // It stands for all that lies beyond.
                             after = before;
                         } else if after <= NEGLIGIBLE {
@@ -163,7 +168,7 @@ impl FrontToBack {
                 };
                 if is_last {
                     for (r, &ray) in going.iter().enumerate() {
-                        if self.transmittance[ray] > 0.0 {
+                        if self.transmittance[ray] > 0.0 && batch.leaves(ray) {
                             self.faces.push(ray);
                             self.of_faces.extend(rows().map(|row| row[columns - TILE_RAYS + r]));
                         }

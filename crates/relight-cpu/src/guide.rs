@@ -5,7 +5,8 @@
 use fearless_simd::Level;
 
 use crate::density_grid::DensityGrid;
-use crate::march::{UnitCube, draw};
+use crate::march::UnitCube;
+use crate::placing::{Places, Placing, Stretches};
 use crate::walk::{LANES, Walker, Way, walk};
 
 /// Optical depth, by the density grid, below which a shadow ray counts as clear.
@@ -15,20 +16,8 @@ const MOST_BINS: usize = 2048;
 /// Optical depth beyond which nothing passes; libm takes long over exponentials that come out as 0.
 const OPAQUE: f32 = 50.0;
 
-/// How samples are placed.
-struct Placing {
-    /// Share of them spread evenly, so that what the density grid does not know of is found.
-    uniform_share: f32,
-    /// Largest opacity a cell may claim: some must fall behind a surface that may be wrong.
-    opacity_limit: f32,
-    /// Placing ends where less than this of the limited transmittance is left.
-    end: f32,
-}
-
-/// Where things have to be found.
-const SEARCHING: Placing = Placing { uniform_share: 0.15, opacity_limit: 0.5, end: 0.01 };
-/// Where things are known: with fewer samples in front, 16 come nearer to what hundreds give.
-const KNOWING: Placing = Placing { uniform_share: 0.02, opacity_limit: 0.35, end: 0.06 };
+/// Steps of nothing, behind one at which something is, that are a void.
+const VOID: usize = 3;
 
 /// A ray: its origin and unit direction, metres.
 pub type Ray = ([f32; 3], [f32; 3]);
@@ -44,8 +33,6 @@ pub struct Guide<'a> {
     pub density: &'a DensityGrid,
     /// Its box.
     pub cube: UnitCube,
-    /// See [`StepSettings::search`](relight_field::engine::StepSettings::search).
-    pub search: bool,
 }
 
 /// Memory for [`Guide::guided`], reused from rays to rays.
@@ -58,43 +45,12 @@ pub struct GuideScratch {
     stretches: Stretches,
 }
 
-/// Where the samples of a ray are worth placing.
-pub struct Places<'a> {
-    stretches: &'a Stretches,
-    near: f32,
-    step: f32,
-    far: f32,
-}
-
-impl Places<'_> {
-    /// Draws samples, metres, ascending: `t.len() - 1` of them inside the box, sample `i` in its part of the distribution at
-    /// `jitter(i)` of 0..1, and the last where the ray leaves the box. `apart[i]` is how far samples as sample `i` are apart.
-    pub fn draw(&self, jitter: impl Fn(usize) -> f32, t: &mut [f32], apart: &mut [f32]) {
-        let (Some((last, t)), Some(last_apart)) = (t.split_last_mut(), apart.last_mut()) else { return };
-        (*last, *last_apart) = (self.far, f32::INFINITY);
-        let end =
-            |stretch: usize| (self.near + self.stretches.ends[stretch] as f32 * self.step).min(self.far);
-        draw(&self.stretches.mass, self.near, end, jitter, t.len(), |i, at, distance| {
-            (t[i], apart[i]) = (at, distance);
-        });
-    }
-}
-
-/// Stretches of a ray, of one step at which something may be, or of all between two such.
-#[derive(Default)]
-struct Stretches {
-    /// Where each ends, counted in steps.
-    ends: Vec<usize>,
-    /// The chance of a sample in each.
-    mass: Vec<f32>,
-}
-
 /// What a ray has found so far.
 #[derive(Default)]
 struct Found {
     /// Number of its way.
     way: usize,
-    /// Its steps, and how many cells each is long.
+    /// Its steps, as far as it has samples, and how many cells each is long.
     steps: usize,
     stretch: f32,
     /// Steps at which something may be, ascending, with the chance of a sample there.
@@ -147,7 +103,7 @@ impl Found {
 
 /// Rays that find places for samples.
 struct Finder<'a, F> {
-    placing: Placing,
+    placing: &'a Placing,
     /// Optical depth from which on a cell claims all that it may.
     saturated: f32,
     cell_size: f32,
@@ -170,20 +126,31 @@ impl<F: FnMut(usize, Places<'_>)> Walker for Finder<'_, F> {
     #[inline(always)]
     fn meet(&mut self, lane: usize, step: usize, optical: f32) -> bool {
         let (found, limit) = (&mut self.lanes[lane], self.placing.opacity_limit);
+        let behind = found.occupied.last().map_or(step, |&(raised, _)| raised);
+        if step > behind + VOID && self.placing.look.is_some_and(|look| found.limited < look) {
+            found.steps = behind + 1;
+            return false;
+        }
         let optical = optical * found.stretch;
         found.depth += optical;
         let alpha = if optical < self.saturated { 1.0 - (-optical).exp() } else { limit };
         found.raise(step, found.limited * alpha);
         found.limited *= 1.0 - alpha;
-        found.limited >= self.placing.end
+        let goes_on = found.limited >= self.placing.end;
+        if !goes_on && self.placing.look.is_some() {
+            found.steps = found.steps.min(step + 2);
+        }
+        goes_on
     }
 
     #[inline(always)]
     fn end(&mut self, lane: usize) {
         let found = &self.lanes[lane];
         found.divide(self.placing.uniform_share, self.stretches);
-        let Way { near, step, .. } = self.ways[found.way];
-        (self.one)(found.way, Places { stretches: self.stretches, near, step, far: self.far[found.way] });
+        let (Way { near, step, steps, .. }, far) = (self.ways[found.way], self.far[found.way]);
+        let leaves = found.steps == steps;
+        let end = if leaves { far } else { (near + found.steps as f32 * step).min(far) };
+        (self.one)(found.way, Places { stretches: self.stretches, near, step, end, leaves });
     }
 }
 
@@ -226,6 +193,7 @@ impl Guide<'_> {
     /// number, and its places.
     pub fn guided(
         &self,
+        placing: &Placing,
         rays: impl Iterator<Item = (Ray, Span)>,
         scratch: &mut GuideScratch,
         one: impl FnMut(usize, Places<'_>),
@@ -238,7 +206,6 @@ impl Guide<'_> {
             ways.push(Way { steps: way.steps.max(1), ..way });
             far.push(span.1);
         }
-        let placing = if self.search { SEARCHING } else { KNOWING };
         let (saturated, cell_size) = (-(1.0 - placing.opacity_limit).ln(), self.density.cell_size());
         let mut finder = Finder { placing, saturated, cell_size, ways, far, lanes, stretches, one };
         walk(self.simd, self.density, ways, &mut finder);
@@ -262,26 +229,29 @@ pub(crate) mod tests {
     use std::iter;
 
     use super::*;
+    use crate::march::draw;
     use crate::march::tests::{BOUNDS, assert_ascends, assert_tiles, direction, origin};
+    use crate::placing::{KNOWING, LOOKING, SEARCHING};
     use crate::walk::tests::{aimed, grid_of, step_by_step};
     use proptest::prelude::*;
     use relight_field::random::Random;
     use relight_scene::Bounds;
 
-    pub(crate) fn guide<'a>(density: &'a DensityGrid, &cube: &UnitCube, search: bool) -> Guide<'a> {
-        Guide { simd: Level::new(), density, cube, search }
+    pub(crate) fn guide<'a>(density: &'a DensityGrid, &cube: &UnitCube) -> Guide<'a> {
+        Guide { simd: Level::new(), density, cube }
     }
 
     /// Samples of one ray.
     pub(crate) fn place(
         guide: Guide<'_>,
+        placing: &Placing,
         ray: Ray,
         span: Span,
         jitter: Option<&dyn Fn(usize) -> f32>,
         t: &mut [f32],
     ) {
         let mut placed = 0;
-        guide.guided(iter::once((ray, span)), &mut GuideScratch::default(), |i, places| {
+        guide.guided(placing, iter::once((ray, span)), &mut GuideScratch::default(), |i, places| {
             assert_eq!(i, 0);
             placed += 1;
             let mut apart = vec![f32::NAN; t.len()];
@@ -289,6 +259,11 @@ pub(crate) mod tests {
             assert!(apart.iter().all(|&a| a >= 0.0), "{apart:?}");
         });
         assert_eq!(placed, 1);
+    }
+
+    /// A way of placing samples all along a ray.
+    fn placing() -> impl Strategy<Value = &'static Placing> {
+        prop_oneof![Just(&SEARCHING), Just(&KNOWING)]
     }
 
     /// Density of the background and of some cells.
@@ -351,7 +326,7 @@ pub(crate) mod tests {
         #[test]
         fn stretches_place_samples_as_single_steps_do(
             origin in origin(), direction in direction(), density in 0.1f32..100.0,
-            occupied in proptest::collection::vec(0usize..64 * 64 * 64, 0..1000), search in any::<bool>(),
+            occupied in proptest::collection::vec(0usize..64 * 64 * 64, 0..1000), placing in placing(),
         ) {
             let cube = UnitCube::new(&BOUNDS);
             let grid = DensityGrid::uniform(&BOUNDS, 64, 0.0);
@@ -362,9 +337,8 @@ pub(crate) mod tests {
             let steps = ((far - near) / grid.cell_size()).floor();
             let (ray, span) = ((origin, direction), (near, near + (steps - 1e-3).max(0.0) * grid.cell_size()));
             let (mut t, mut plain) = ([0f32; 24], [0f32; 24]);
-            place(guide(&grid, &cube, search), ray, span, None, &mut t);
-            let placing = if search { SEARCHING } else { KNOWING };
-            guided_step_by_step(&grid, &cube, &placing, ray, span, &mut plain);
+            place(guide(&grid, &cube), placing, ray, span, None, &mut t);
+            guided_step_by_step(&grid, &cube, placing, ray, span, &mut plain);
             let slack = 1e-3 * (span.1 - span.0) + 1e-6;
             prop_assert!(t.iter().zip(&plain).all(|(t, p)| (t - p).abs() <= slack), "{t:?} {plain:?}");
         }
@@ -376,14 +350,14 @@ pub(crate) mod tests {
             let (cube, grid) = (UnitCube::new(&BOUNDS), grid_of(&cells, density));
             let span = cube.clip(ray.0, ray.1);
             let plain = is_clear_cell_by_cell(&grid, &cube, ray, span);
-            let clear: Vec<bool> = guide(&grid, &cube, false).are_clear(iter::once((ray, span))).collect();
+            let clear: Vec<bool> = guide(&grid, &cube).are_clear(iter::once((ray, span))).collect();
             prop_assert_eq!(clear, [plain]);
         }
 
         #[test]
         fn guided_samples_ascend_inside_the_box_and_their_lengths_tile_it(
             (background, seen) in occupied(), origin in origin(), direction in direction(),
-            n in 2usize..64, seed in proptest::option::of(any::<u64>()), search in any::<bool>(),
+            n in 2usize..64, seed in proptest::option::of(any::<u64>()), placing in placing(),
         ) {
             let grid = DensityGrid::uniform(&BOUNDS, 16, background);
             seen.into_iter().for_each(|(cell, density)| grid.observe(cell, density));
@@ -392,7 +366,7 @@ pub(crate) mod tests {
             let mut t = vec![f32::NAN; n];
             let jitter = seed.map(|seed| move |i: usize| Random::new(seed, 0).uniform_at(i as u64));
             let jitter = jitter.as_ref().map(|j| j as &dyn Fn(usize) -> f32);
-            place(guide(&grid, &cube, search), (origin, direction), span, jitter, &mut t);
+            place(guide(&grid, &cube), placing, (origin, direction), span, jitter, &mut t);
             assert_ascends(&t, span);
             prop_assert_eq!(t[n - 1], span.1);
             assert_tiles(&t, span);
@@ -408,7 +382,7 @@ pub(crate) mod tests {
             let grid = DensityGrid::uniform(&bounds, 16, density);
             let (ray, span) = (([0.05, 0.05, -1.0], [0.0, 0.0, 1.0]), (1.0, 31.0));
             let mut t = vec![f32::NAN; 61];
-            place(guide(&grid, &cube, false), ray, span, None, &mut t);
+            place(guide(&grid, &cube), &KNOWING, ray, span, None, &mut t);
             let ends = (t[0], t[59]);
             assert!(ends.0 < 2.0 && ends.1 > 30.0 && ends.1 <= 31.0, "density {density}: {ends:?}");
         }
@@ -426,15 +400,67 @@ pub(crate) mod tests {
         }
         let ray = ([0.1, 0.3, 0.0], [0.0, 0.0, 1.0]);
         let random = Random::new(0, 0);
-        let near_slab = |search: bool, jitter: Option<&dyn Fn(usize) -> f32>| {
+        let near_slab = |placing: &Placing, jitter: Option<&dyn Fn(usize) -> f32>| {
             let mut t = vec![f32::NAN; 101];
-            place(guide(&grid, &cube, search), ray, (2.0, 4.0), jitter, &mut t);
+            place(guide(&grid, &cube), placing, ray, (2.0, 4.0), jitter, &mut t);
             // The slab fills 3.0 to 3.03 m.
             t[..100].iter().filter(|t| (2.95..3.1).contains(*t)).count()
         };
         for jitter in [None, Some(&(|i: usize| random.uniform_at(i as u64)) as &dyn Fn(usize) -> f32)] {
-            assert!(near_slab(false, jitter) >= 95);
-            assert!((75..95).contains(&near_slab(true, jitter)));
+            assert!(near_slab(&KNOWING, jitter) >= 95);
+            assert!((75..95).contains(&near_slab(&SEARCHING, jitter)));
         }
+    }
+
+    /// Looks of a ray along z, which enters the box at 2 m and leaves it at 4, through slabs of cells: where each ends, whether it leaves,
+    /// and its samples.
+    fn looks(slabs: &[(usize, usize)], density: f32) -> Vec<(f32, bool, Vec<f32>)> {
+        let (cube, grid) = (UnitCube::new(&BOUNDS), DensityGrid::uniform(&BOUNDS, 64, 0.0));
+        for z in slabs.iter().flat_map(|&(first, last)| first..=last) {
+            grid.observe(grid.cell_at([32, 32, z]), density);
+        }
+        let origin = cube.unmap([32.5 / 64.0, 32.5 / 64.0, -1.0]);
+        let (mut near, mut looks) = (2.0, Vec::<(f32, bool, Vec<f32>)>::new());
+        while looks.last().is_none_or(|&(_, leaves, _)| !leaves) {
+            let ray = ([origin[0], origin[1], 0.0], [0.0, 0.0, 1.0]);
+            let rays = iter::once((ray, (near, 4.0)));
+            let scratch = &mut GuideScratch::default();
+            guide(&grid, &cube).guided(&LOOKING, rays, scratch, |_, places| {
+                let (mut t, mut apart) = (vec![f32::NAN; 40], vec![f32::NAN; 40]);
+                places.draw(|_| 0.5, &mut t, &mut apart);
+                assert_ascends(&t, (near, places.end));
+                assert!(places.end > near && (t[39] == 4.0) == places.leaves);
+                looks.push((places.end, places.leaves, t));
+            });
+            near = looks[looks.len() - 1].0;
+        }
+        looks
+    }
+
+    /// A cell is 1/32 m long here, and two and a half steps.
+    #[test]
+    fn looks_end_behind_what_may_hide_the_rest() {
+        let depth = |cell: usize| 2.0 + cell as f32 / 32.0;
+        let looks = looks(&[(10, 11), (40, 41)], 500.0);
+        assert_eq!(looks.len(), 2);
+        assert!((depth(12) - 0.01..depth(13)).contains(&looks[0].0) && !looks[0].1, "{}", looks[0].0);
+        for ((_, _, t), first) in looks.iter().zip([10, 40]) {
+            let close = t.iter().filter(|t| (depth(first - 1)..depth(first + 3)).contains(*t)).count();
+            assert!(close > 36, "{close}");
+        }
+        assert_eq!((looks[1].0, looks[1].1), (4.0, true));
+    }
+
+    /// What is deep enough for no sample to lie behind it ends a look as well.
+    #[test]
+    fn looks_end_inside_what_is_deep() {
+        let looks = looks(&[(10, 50)], 5000.0);
+        assert!(looks.len() > 3 && looks[0].0 < 2.0 + 20.0 / 32.0, "{}", looks.len());
+    }
+
+    #[test]
+    fn thin_things_share_one_look() {
+        let looks = looks(&[(10, 11), (40, 41)], 1.0);
+        assert_eq!((looks.len(), looks[0].1), (1, true));
     }
 }

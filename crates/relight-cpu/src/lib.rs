@@ -30,6 +30,7 @@ pub mod mlp;
 pub mod moments;
 pub mod networks;
 pub mod packet;
+pub mod placing;
 pub mod pool;
 pub mod prefetch;
 pub mod probes;

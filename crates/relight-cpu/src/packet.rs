@@ -10,20 +10,24 @@ use crate::guide::Span;
 /// Cells of the density grid that a ray may be away from the first of its packet.
 const WIDTH: f32 = 0.5;
 
-/// The first ray of each ray's packet, into `firsts`, in a grid of cells of `cell` metres; `spans` are the distances at which rays enter
-/// and leave the box.
-pub fn first_rays(rays: &Rays, spans: &[Span], cell: f32, firsts: &mut Vec<usize>) {
+/// The first ray of the packet of each of `looking`, rays by number, into `firsts`, in a grid of cells of `cell` metres; `spans` are the
+/// distances between which all rays look.
+pub fn first_rays(
+    rays: &Rays,
+    looking: impl Iterator<Item = usize>,
+    spans: &[Span],
+    cell: f32,
+    firsts: &mut Vec<usize>,
+) {
     firsts.clear();
-    let mut first = 0;
-    for ray in 0..spans.len() {
-        if !are_close(rays, spans, (first, ray), cell) {
-            first = ray;
-        }
-        firsts.push(first);
-    }
+    let mut first = None;
+    firsts.extend(looking.map(|ray| {
+        let close = first.filter(|&first| are_close(rays, spans, (first, ray), cell));
+        *first.insert(close.unwrap_or(ray))
+    }));
 }
 
-/// Whether two rays stay close to each other all the way through the box, and enter and leave it together.
+/// Whether two rays stay close to each other all the way through the box, and begin to look and leave it together.
 fn are_close(rays: &Rays, spans: &[Span], (a, b): (usize, usize), cell: f32) -> bool {
     let directions = rays.directions[a].iter().zip(rays.directions[b]);
     let apart = directions.map(|(a, b)| (a - b).powi(2)).sum::<f32>().sqrt();
@@ -33,10 +37,11 @@ fn are_close(rays: &Rays, spans: &[Span], (a, b): (usize, usize), cell: f32) -> 
         && ends.iter().all(|(a, b)| (a - b).abs() <= cell)
 }
 
-/// The samples of a ray, `t`, from those of its packet's first ray, all of them distances in metres.
-pub fn take_places((near, far): Span, t: &mut [f32]) {
+/// The samples of a ray, `t`, from those of its packet's first ray, all of them distances in metres; the last is at `far` if it `leaves` the
+/// box there.
+pub fn take_places((near, far): Span, leaves: bool, t: &mut [f32]) {
     t.iter_mut().for_each(|t| *t = t.clamp(near, far));
-    if let Some(last) = t.last_mut() {
+    if let Some(last) = t.last_mut().filter(|_| leaves) {
         *last = far;
     }
 }
@@ -49,6 +54,7 @@ mod tests {
     use crate::guide::tests::{guide, place};
     use crate::march::UnitCube;
     use crate::march::tests::{BOUNDS, assert_ascends, assert_tiles};
+    use crate::placing::KNOWING;
     use relight_field::random::Random;
 
     const SAMPLES: usize = 16;
@@ -58,10 +64,10 @@ mod tests {
         let (cube, mut firsts) = (UnitCube::new(&BOUNDS), Vec::new());
         let spans: Vec<Span> = rays.iter().map(|ray| cube.clip(ray.0, ray.1)).collect();
         let (origins, directions) = rays.iter().copied().unzip();
-        first_rays(&Rays { origins, directions }, &spans, grid.cell_size(), &mut firsts);
+        first_rays(&Rays { origins, directions }, 0..rays.len(), &spans, grid.cell_size(), &mut firsts);
         let alone = rays.iter().zip(&spans).map(|(&ray, &span)| {
             let mut t = [f32::NAN; SAMPLES];
-            place(guide(grid, &cube, false), ray, span, None, &mut t);
+            place(guide(grid, &cube), &KNOWING, ray, span, None, &mut t);
             t
         });
         let alone: Vec<_> = alone.collect();
@@ -69,7 +75,7 @@ mod tests {
             assert!(firsts[ray] <= ray && firsts[firsts[ray]] == firsts[ray]);
             let mut t = alone[firsts[ray]];
             if firsts[ray] != ray {
-                take_places(spans[ray], &mut t);
+                take_places(spans[ray], true, &mut t);
             }
             assert_ascends(&t, spans[ray]);
             assert_tiles(&t, spans[ray]);

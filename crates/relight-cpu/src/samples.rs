@@ -16,12 +16,16 @@ use crate::hash_grid::{HashGrid, TiledPositions, set_position};
 use crate::march::{self, UnitCube, along};
 use crate::networks::Networks;
 use crate::packet::{first_rays, take_places};
+use crate::placing::{KNOWING, LOOKING, Placing, SEARCHING};
 use crate::pool::Pool;
 use crate::tile::{TileRays, Workspace};
 
 /// Cells of the density grid for which a sample may stand on either side, wherever its neighbours are. Beyond, it stands for as much as
 /// samples like it are apart. The last sample before a void would stand for half of that otherwise, and its little density would be a fog.
 const REACH: f32 = 0.5;
+
+/// How often a ray looks, at most: the last time it looks to its end.
+const MOST_LOOKS: usize = 4;
 
 /// Random numbers of one batch: number `k` of ray `r` is `index r * 2^16 + k`.
 #[derive(Clone, Copy)]
@@ -60,7 +64,7 @@ pub struct Marcher<'a> {
 impl<'a> Marcher<'a> {
     /// What the density grid tells.
     pub fn guide(&self) -> Guide<'a> {
-        Guide { simd: self.simd, density: self.density, cube: self.cube, search: self.search }
+        Guide { simd: self.simd, density: self.density, cube: self.cube }
     }
 }
 
@@ -88,9 +92,13 @@ pub struct SampleBatch {
     pub encoded: StageCost,
     /// `[tile][columns]`, of the first rays of packets: how far samples as each are apart, metres.
     apart: Vec<f32>,
-    /// Where rays enter and leave the box.
+    /// Of each ray, where it begins to look, and where it leaves the box.
     spans: Vec<Span>,
-    /// The first ray of each ray's packet.
+    /// Of each ray, how far it has looked: see [`SampleBatch::look_on`].
+    ends: Vec<f32>,
+    /// How often rays have looked.
+    looks: usize,
+    /// The first ray of the packet of each ray that looks.
     firsts: Vec<usize>,
     /// The first rays of packets.
     alone: Vec<usize>,
@@ -112,7 +120,7 @@ impl SampleBatch {
     }
 
     /// Places the samples of `rays`, `tile_rays` rays a tile; [`SampleBatch::tile`] has to wait until they are encoded.
-    pub fn place(
+    fn place(
         &mut self,
         marcher: &Marcher<'_>,
         rays: &Rays,
@@ -122,56 +130,98 @@ impl SampleBatch {
     ) {
         (self.marched, self.encoded) = (StageCost::default(), StageCost::default());
         let started = Instant::now();
+        self.enter(marcher, rays, sampling, tile_rays);
         match sampling {
-            Sampling::Guided { samples } => {
-                self.shape(rays, tile_rays, samples);
-                self.guide(marcher, rays, jitter);
+            Sampling::Guided { .. } => {
+                let placing = if marcher.search { &SEARCHING } else { &KNOWING };
+                self.guide(marcher, rays, 0..rays.origins.len(), placing, jitter);
             }
             Sampling::Stratified { coarse, fine } => {
-                self.shape(rays, tile_rays, coarse);
                 let (shape, places) = ((tile_rays, coarse), (&mut self.t[..], &mut self.lengths[..]));
-                place_each(&marcher.cube, rays, shape, places, |ray, span, t| {
+                place_each(&self.spans, shape, places, |ray, span, t| {
                     march::stratified(span, |k| jitter.at(ray, k), t);
                 });
                 if fine > 0 {
                     self.refine(marcher, rays, fine, jitter);
                 }
+                self.ends.fill(f32::INFINITY);
             }
         }
         self.marched.seconds = started.elapsed().as_secs_f64() - self.encoded.seconds;
     }
 
-    /// Places samples where the density grid says that something is.
-    fn guide(&mut self, marcher: &Marcher<'_>, rays: &Rays, jitter: Jitter) {
-        let ray = |ray: usize| (rays.origins[ray], rays.directions[ray]);
-        let (n, shape) = (rays.origins.len(), (self.tile_rays, self.samples));
+    /// Lets `rays` enter the box, `tile_rays` a tile.
+    pub fn enter(&mut self, marcher: &Marcher<'_>, rays: &Rays, sampling: Sampling, tile_rays: usize) {
+        let samples = match sampling {
+            Sampling::Guided { samples } => samples,
+            Sampling::Stratified { coarse, .. } => coarse,
+        };
+        self.shape(rays, tile_rays, samples);
+        self.spans.clear();
+        let rays = rays.origins.iter().zip(&rays.directions);
+        self.spans.extend(rays.map(|(&origin, &direction)| marcher.cube.clip(origin, direction)));
+        self.ends.clear();
+        self.ends.extend(self.spans.iter().map(|span| span.0));
+        self.looks = 0;
+    }
+
+    /// Places samples of those of `rays` that are `going` on, from where they have looked to. With guided samples they look to the first
+    /// void behind something, so that all samples are for that and none for what it may hide; others look to the end at once.
+    pub fn look_on(&mut self, marcher: &Marcher<'_>, rays: &Rays, sampling: Sampling, going: &[usize]) {
+        match sampling {
+            Sampling::Guided { .. } => {
+                going.iter().for_each(|&ray| self.spans[ray].0 = self.ends[ray]);
+                self.looks += 1;
+                let placing = if self.looks < MOST_LOOKS { &LOOKING } else { &KNOWING };
+                self.guide(marcher, rays, going.iter().copied(), placing, Jitter(None));
+            }
+            Sampling::Stratified { .. } => self.place(marcher, rays, sampling, self.tile_rays, Jitter(None)),
+        }
+    }
+
+    /// Whether a ray has looked as far as where it leaves the box: its last sample is opaque.
+    pub fn leaves(&self, ray: usize) -> bool {
+        self.ends[ray] >= self.spans[ray].1
+    }
+
+    /// Places samples of `looking`, rays by number, where the density grid says that something is.
+    fn guide(
+        &mut self,
+        marcher: &Marcher<'_>,
+        rays: &Rays,
+        looking: impl Iterator<Item = usize> + Clone,
+        placing: &Placing,
+        jitter: Jitter,
+    ) {
+        let shape = (self.tile_rays, self.samples);
         let columns = |ray: usize| columns_of(ray, shape);
-        let Self { spans, firsts, alone, scratch, t, lengths, apart, .. } = self;
+        let Self { spans, ends, firsts, alone, scratch, t, lengths, apart, .. } = self;
         apart.resize(t.len(), 0.0);
-        spans.clear();
-        spans.extend((0..n).map(ray).map(|(origin, direction)| marcher.cube.clip(origin, direction)));
         match jitter.0 {
             Some(_) => {
                 firsts.clear();
-                firsts.extend(0..n);
+                firsts.extend(looking.clone());
             }
-            None => first_rays(rays, spans, marcher.density.cell_size(), firsts),
+            None => first_rays(rays, looking.clone(), spans, marcher.density.cell_size(), firsts),
         }
         alone.clear();
-        alone.extend((0..n).filter(|&ray| firsts[ray] == ray));
-        let guided = alone.iter().map(|&i| (ray(i), spans[i]));
-        marcher.guide().guided(guided, scratch, |i, places| {
+        alone.extend(looking.clone().zip(&*firsts).filter(|(ray, first)| ray == *first).map(|(ray, _)| ray));
+        let guided = alone.iter().map(|&ray| ((rays.origins[ray], rays.directions[ray]), spans[ray]));
+        marcher.guide().guided(placing, guided, scratch, |i, places| {
             let (ray, here) = (alone[i], columns(alone[i]));
+            ends[ray] = if places.leaves { f32::INFINITY } else { places.end };
             places.draw(|k| jitter.at(ray, k), &mut t[here.clone()], &mut apart[here]);
         });
         let reach = if marcher.search { f32::INFINITY } else { REACH * marcher.density.cell_size() };
-        for (ray, (&first, &span)) in firsts.iter().zip(&*spans).enumerate() {
+        for (ray, &first) in looking.zip(&*firsts) {
+            let (near, far) = spans[ray];
             if first != ray {
+                ends[ray] = ends[first];
                 t.copy_within(columns(first), columns(ray).start);
-                take_places(span, &mut t[columns(ray)]);
+                take_places((near, far), ends[ray] >= far, &mut t[columns(ray)]);
             }
             let (t, lengths, apart) = (&t[columns(ray)], &mut lengths[columns(ray)], &apart[columns(first)]);
-            march::interval_lengths(t, span, |i| apart[i].max(reach), lengths);
+            march::interval_lengths(t, (near, far.min(ends[ray])), |i| apart[i].max(reach), lengths);
         }
     }
 
@@ -195,7 +245,7 @@ impl SampleBatch {
         let (old_t, old_lengths) = (std::mem::take(&mut self.t), std::mem::take(&mut self.lengths));
         self.shape(rays, tile_rays, coarse + fine);
         let (shape, places) = ((tile_rays, coarse + fine), (&mut self.t[..], &mut self.lengths[..]));
-        place_each(&marcher.cube, rays, shape, places, |ray, span, t| {
+        place_each(&self.spans, shape, places, |ray, span, t| {
             let before = columns_of(ray, (tile_rays, coarse));
             let (old, weights) = (&old_t[before.clone()], &weights[before.clone()]);
             let (first, rest) = t.split_at_mut(coarse);
@@ -302,16 +352,14 @@ fn columns_of(ray: usize, (tile_rays, samples): (usize, usize)) -> Range<usize> 
 /// Places the samples of every ray, in tiles of `tile_rays` rays with `samples` samples each: calls
 /// `one(ray, span, t)`, `span` being where the ray is inside the box, to fill `t`, and works out their lengths.
 fn place_each(
-    cube: &UnitCube,
-    rays: &Rays,
+    spans: &[Span],
     shape: (usize, usize),
     (t, lengths): (&mut [f32], &mut [f32]),
     mut one: impl FnMut(usize, Span, &mut [f32]),
 ) {
-    for (ray, (&origin, &direction)) in rays.origins.iter().zip(&rays.directions).enumerate() {
+    for (ray, &span) in spans.iter().enumerate() {
         let here = columns_of(ray, shape);
         let (t, lengths) = (&mut t[here.clone()], &mut lengths[here]);
-        let span = cube.clip(origin, direction);
         one(ray, span, t);
         march::interval_lengths(t, span, |_| f32::INFINITY, lengths);
     }

@@ -2,6 +2,7 @@
 
 use fearless_simd::Level;
 use relight_cpu::CpuEngine;
+use relight_cpu::march::{UnitCube, along};
 use relight_cpu::samples::{Jitter, SampleBatch};
 use relight_cpu::tile::Workspace;
 use relight_field::architecture::{LightInput, V0, V1, V5};
@@ -158,6 +159,14 @@ fn rays_that_end_early_look_like_whole_ones() {
     }
 }
 
+/// Points along rays at which surfaces may be expected, so that rays look on behind each of them.
+fn surfaces(rays: &Rays) -> Vec<[f32; 3]> {
+    let cube = UnitCube::new(&BOUNDS);
+    let spans = rays.origins.iter().zip(&rays.directions).map(|(&o, &d)| (o, d, cube.clip(o, d)));
+    let points = |(o, d, (near, far))| [0.2, 0.5, 0.7].map(|share| along(o, d, near + share * (far - near)));
+    spans.flat_map(points).collect()
+}
+
 /// With the same number of samples both engines draw nearly the same picture of a smooth field, though they place
 /// them differently.
 #[test]
@@ -170,10 +179,16 @@ fn all_outputs_approach_the_plain_engines() {
     for shading in SHADINGS {
         let plain = ReferenceEngine::<f32>::new(&parameters, config(SAMPLING, shading)).unwrap();
         let plain = plain.render(&rays, &light, outputs, &settings).unwrap();
-        for sampling in [SAMPLING, Sampling::Guided { samples: 16 }] {
-            let engine = CpuEngine::new(&parameters, config(sampling, shading)).unwrap();
+        let guided = Sampling::Guided { samples: 16 };
+        let mut cases = vec![(SAMPLING, None), (guided, None)];
+        // Where nothing is deferred, rays look but once, and too seldom beside the surfaces for such a comparison.
+        cases.extend((shading == Shading::Deferred).then(|| (guided, Some(surfaces(&rays)))));
+        for (sampling, surfaces) in cases {
+            let mut engine = CpuEngine::new(&parameters, config(sampling, shading)).unwrap();
+            let name =
+                format!("{shading:?}, {sampling:?}, {} surfaces", surfaces.as_ref().map_or(0, Vec::len));
+            surfaces.iter().for_each(|surfaces| engine.expect_surfaces(surfaces));
             let ours = engine.render(&rays, &light, outputs, &settings).unwrap();
-            let name = format!("{shading:?}, {sampling:?}");
             assert_equal(&name, ours.colour.as_flattened(), plain.colour.as_flattened(), 5e-3);
             assert_equal(&name, &ours.visibility, &plain.visibility, 5e-3);
             assert_equal(&name, ours.reflectance.as_flattened(), plain.reflectance.as_flattened(), 5e-3);

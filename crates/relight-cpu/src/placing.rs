@@ -1,0 +1,61 @@
+//! How samples are placed along a ray: how much is left to chance, how far a ray looks at once, and where samples lie then.
+
+use crate::march::draw;
+
+/// How samples are placed.
+#[derive(Debug)]
+pub struct Placing {
+    /// Share of them spread evenly, so that what the density grid does not know of is found.
+    pub uniform_share: f32,
+    /// Largest opacity a cell may claim: some must fall behind a surface that may be wrong.
+    pub opacity_limit: f32,
+    /// Nothing is looked for where less than this of the limited transmittance is left.
+    pub end: f32,
+    /// Samples end there too, or at the first void behind which less than this of it is left, instead of at the far side of the box.
+    pub look: Option<f32>,
+}
+
+/// Where things have to be found.
+pub const SEARCHING: Placing = Placing { uniform_share: 0.15, opacity_limit: 0.5, end: 0.01, look: None };
+/// Where things are known: with fewer samples in front, 16 come nearer to what hundreds give.
+pub const KNOWING: Placing = Placing { uniform_share: 0.02, opacity_limit: 0.35, end: 0.06, look: None };
+/// Along rays that can look on, where they have got through what they met.
+pub const LOOKING: Placing = Placing { uniform_share: 0.01, look: Some(0.7), ..KNOWING };
+
+/// Where the samples of a ray are worth placing.
+pub struct Places<'a> {
+    /// With their masses.
+    pub stretches: &'a Stretches,
+    /// Where the first begins, metres.
+    pub near: f32,
+    /// Length of a step, metres.
+    pub step: f32,
+    /// Where the last of them may be, metres, and whether that is where the ray leaves the box.
+    pub end: f32,
+    /// See `end`.
+    pub leaves: bool,
+}
+
+impl Places<'_> {
+    /// Draws samples, metres, ascending, sample `i` in its part of the distribution at `jitter(i)` of 0..1; but of a ray that leaves the
+    /// box, the last is where it does. `apart[i]` is how far samples as sample `i` are apart.
+    pub fn draw(&self, jitter: impl Fn(usize) -> f32, t: &mut [f32], apart: &mut [f32]) {
+        let drawn = t.len() - usize::from(self.leaves);
+        t[drawn..].fill(self.end);
+        apart[drawn..].fill(f32::INFINITY);
+        let end =
+            |stretch: usize| (self.near + self.stretches.ends[stretch] as f32 * self.step).min(self.end);
+        draw(&self.stretches.mass, self.near, end, jitter, drawn, |i, at, distance| {
+            (t[i], apart[i]) = (at, distance);
+        });
+    }
+}
+
+/// Stretches of a ray, of one step at which something may be, or of all between two such.
+#[derive(Default)]
+pub struct Stretches {
+    /// Where each ends, counted in steps.
+    pub ends: Vec<usize>,
+    /// The chance of a sample in each.
+    pub mass: Vec<f32>,
+}
