@@ -13,7 +13,7 @@ use relight_field::engine::{
     RenderSettings, Samples, StageCost, StepSettings, StepStats,
 };
 use relight_field::parameters::{FieldConfig, Parameters};
-use relight_field::sampling::{EngineConfig, Sampling};
+use relight_field::sampling::{EngineConfig, Sampling, Shading};
 
 use crate::adam::Adam;
 use crate::dense::has_fixed_point;
@@ -36,8 +36,10 @@ use step::LANES;
 
 /// Cells an axis of the density grid.
 const DENSITY_RESOLUTION: usize = 256;
-/// Guided samples a ray when a picture is drawn and nobody says how many: beyond them, little is gained.
+/// Guided samples a ray when a picture is drawn and nobody says how many, at least: beyond them, little is gained.
 const DRAWING_SAMPLES: usize = 16;
+/// The same where rays look on (see [`SampleBatch::look_on`](crate::samples::SampleBatch::look_on)): all are for one thing then.
+const LOOK_SAMPLES: usize = 14;
 
 /// The fast CPU engine.
 pub struct CpuEngine {
@@ -122,9 +124,12 @@ impl CpuEngine {
 
     fn sampling_for(&self, settings: &RenderSettings) -> Sampling {
         match (self.config.sampling, settings.samples) {
-            (Sampling::Guided { samples }, None) => {
-                Sampling::Guided { samples: samples.max(DRAWING_SAMPLES) }
-            }
+            (Sampling::Guided { samples }, None) => Sampling::Guided {
+                samples: match self.config.shading {
+                    Shading::Deferred => (samples * LOOK_SAMPLES / DRAWING_SAMPLES).max(LOOK_SAMPLES),
+                    Shading::PerSample => samples.max(DRAWING_SAMPLES),
+                },
+            },
             (sampling, None) => sampling,
             (Sampling::Guided { .. }, Some(samples)) => Sampling::Guided { samples: samples.max(2) },
             (Sampling::Stratified { .. }, Some(samples)) => {

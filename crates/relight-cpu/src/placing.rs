@@ -20,7 +20,7 @@ pub const SEARCHING: Placing = Placing { uniform_share: 0.15, opacity_limit: 0.5
 /// Where things are known: with fewer samples in front, 16 come nearer to what hundreds give.
 pub const KNOWING: Placing = Placing { uniform_share: 0.02, opacity_limit: 0.35, end: 0.06, look: None };
 /// Along rays that can look on, where they have got through what they met.
-pub const LOOKING: Placing = Placing { uniform_share: 0.01, look: Some(0.7), ..KNOWING };
+pub const LOOKING: Placing = Placing { uniform_share: 0.01, opacity_limit: 0.3, end: 0.04, look: Some(0.5) };
 
 /// Where the samples of a ray are worth placing.
 pub struct Places<'a> {

@@ -25,7 +25,7 @@ use crate::tile::{TileRays, Workspace};
 const REACH: f32 = 0.5;
 
 /// How often a ray looks, at most: the last time it looks to its end.
-const MOST_LOOKS: usize = 4;
+const MOST_LOOKS: usize = 2;
 
 /// Random numbers of one batch: number `k` of ray `r` is `index r * 2^16 + k`.
 #[derive(Clone, Copy)]

@@ -138,7 +138,7 @@ pub struct Outputs {
 /// How a picture is made.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RenderSettings {
-    /// Samples a ray; `None` for the engine's own choice.
+    /// Samples a ray, for each thing that it looks at if the engine lets rays look on; `None` for the engine's own choice.
     pub samples: Option<usize>,
     /// What networks are multiplied in.
     pub precision: Precision,

@@ -38,7 +38,7 @@ pub struct Args {
     /// Folder for the pictures, named {scene}_{light}_{camera}.png.
     #[arg(long, value_name = "DIR")]
     images: Option<PathBuf>,
-    /// Samples a ray; as in training without it.
+    /// Samples a ray, for each thing that it looks at; the engine chooses without it.
     #[arg(long, value_parser = clap::value_parser!(u32).range(2..=4096))]
     samples: Option<u32>,
     /// One JSON object on standard output.

@@ -62,7 +62,7 @@ pub struct Args {
     /// What to draw: final, visibility, reflectance, depth or opacity.
     #[arg(long, default_value = "final")]
     map: Map,
-    /// Samples a ray; as in training without it.
+    /// Samples a ray, for each thing that it looks at; the engine chooses without it.
     #[arg(long, value_parser = clap::value_parser!(u32).range(2..=4096))]
     samples: Option<u32>,
     /// Folder of the scene, where it is not where it was.
@@ -154,7 +154,7 @@ fn film(args: &Args, path: &str, scene: &Scene, engine: &dyn Engine, quiet: bool
     Ok(())
 }
 
-/// With so many samples a ray; as in training if that is not given.
+/// With so many samples a ray, if that is given.
 pub fn settings(samples: Option<u32>) -> RenderSettings {
     RenderSettings { samples: samples.map(|n| n as usize), ..RenderSettings::default() }
 }
