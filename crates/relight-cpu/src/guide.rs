@@ -6,15 +6,13 @@ use fearless_simd::Level;
 
 use crate::density_grid::DensityGrid;
 use crate::march::UnitCube;
-use crate::placing::{Places, Placing, Stretches};
+use crate::placing::{Found, Places, Placing, Stretches};
 use crate::walk::{LANES, Walker, Way, walk};
 
 /// Optical depth, by the density grid, below which a shadow ray counts as clear.
 const SHADING: f32 = 0.05;
 /// Cells that a ray looks at, at most; a ray through a cubic box meets fewer.
 const MOST_BINS: usize = 2048;
-/// Optical depth beyond which nothing passes; libm takes long over exponentials that come out as 0.
-const OPAQUE: f32 = 50.0;
 
 /// Steps of nothing, behind one at which something is, that are a void.
 const VOID: usize = 3;
@@ -43,62 +41,6 @@ pub struct GuideScratch {
     far: Vec<f32>,
     lanes: [Found; LANES],
     stretches: Stretches,
-}
-
-/// What a ray has found so far.
-#[derive(Default)]
-struct Found {
-    /// Number of its way.
-    way: usize,
-    /// Its steps, as far as it has samples, and how many cells each is long.
-    steps: usize,
-    stretch: f32,
-    /// Steps at which something may be, ascending, with the chance of a sample there.
-    occupied: Vec<(usize, f32)>,
-    /// Transmittance, cells being no more opaque than they may claim.
-    limited: f32,
-    /// Optical depth.
-    depth: f32,
-}
-
-impl Found {
-    /// Raises the chance of a step, which no step before was behind, and of its neighbours: a surface may lie just outside the cell
-    /// that knows of it.
-    fn raise(&mut self, step: usize, chance: f32) {
-        let first = step.saturating_sub(1);
-        // Those of the three that steps before have raised.
-        let known = self.occupied.last().map_or(0, |&(last, _)| (last + 1).saturating_sub(first));
-        let start = self.occupied.len() - known;
-        self.occupied[start..].iter_mut().for_each(|(_, raised)| *raised = raised.max(chance));
-        self.occupied.extend((first + known..(step + 2).min(self.steps)).map(|step| (step, chance)));
-    }
-
-    /// The stretches of the ray: at steps where something may be the chance found, and `uniform_share` of all samples, or more on
-    /// rays that may pass, in every step alike.
-    fn divide(&self, uniform_share: f32, stretches: &mut Stretches) {
-        let total: f32 = self.occupied.iter().map(|(_, chance)| chance).sum();
-        let passes = (-self.depth.min(OPAQUE)).exp();
-        let uniform = if total > 0.0 { uniform_share + (1.0 - uniform_share) * passes } else { 1.0 };
-        let scale = if total > 0.0 { (1.0 - uniform) / total } else { 0.0 };
-        let uniform = uniform / self.steps as f32;
-        let Stretches { ends, mass } = stretches;
-        ends.clear();
-        mass.clear();
-        let mut start = 0;
-        for &(step, chance) in &self.occupied {
-            if step > start {
-                ends.push(step);
-                mass.push((step - start) as f32 * uniform);
-            }
-            ends.push(step + 1);
-            mass.push(chance * scale + uniform);
-            start = step + 1;
-        }
-        if start < self.steps {
-            ends.push(self.steps);
-            mass.push((self.steps - start) as f32 * uniform);
-        }
-    }
 }
 
 /// Rays that find places for samples.
@@ -146,9 +88,9 @@ impl<F: FnMut(usize, Places<'_>)> Walker for Finder<'_, F> {
     #[inline(always)]
     fn end(&mut self, lane: usize) {
         let found = &self.lanes[lane];
-        found.divide(self.placing.uniform_share, self.stretches);
         let (Way { near, step, steps, .. }, far) = (self.ways[found.way], self.far[found.way]);
         let leaves = found.steps == steps;
+        found.divide(self.placing.uniform_share, self.stretches);
         let end = if leaves { far } else { (near + found.steps as f32 * step).min(far) };
         (self.one)(found.way, Places { stretches: self.stretches, near, step, end, leaves });
     }

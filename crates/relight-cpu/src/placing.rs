@@ -1,6 +1,9 @@
-//! How samples are placed along a ray: how much is left to chance, how far a ray looks at once, and where samples lie then.
+//! How samples are placed along a ray: how much is left to chance, how far a ray looks at once, what it finds, and where samples lie then.
 
 use crate::march::draw;
+
+/// Optical depth beyond which nothing passes; libm takes long over exponentials that come out as 0.
+const OPAQUE: f32 = 50.0;
 
 /// How samples are placed.
 #[derive(Debug)]
@@ -58,4 +61,63 @@ pub struct Stretches {
     pub ends: Vec<usize>,
     /// The chance of a sample in each.
     pub mass: Vec<f32>,
+}
+
+/// What a ray has found so far.
+#[derive(Default)]
+pub struct Found {
+    /// Number of its way.
+    pub way: usize,
+    /// Its steps, as far as it has samples, and how many cells each is long.
+    pub steps: usize,
+    /// See `steps`.
+    pub stretch: f32,
+    /// Steps at which something may be, ascending, with the chance of a sample there.
+    pub occupied: Vec<(usize, f32)>,
+    /// Transmittance, cells being no more opaque than they may claim.
+    pub limited: f32,
+    /// Optical depth.
+    pub depth: f32,
+}
+
+impl Found {
+    /// Raises the chance of a step, which no step before was behind, and of its neighbours: a surface may lie just outside the cell
+    /// that knows of it.
+    #[inline]
+    pub fn raise(&mut self, step: usize, chance: f32) {
+        let first = step.saturating_sub(1);
+        // Those of the three that steps before have raised.
+        let known = self.occupied.last().map_or(0, |&(last, _)| (last + 1).saturating_sub(first));
+        let start = self.occupied.len() - known;
+        self.occupied[start..].iter_mut().for_each(|(_, raised)| *raised = raised.max(chance));
+        self.occupied.extend((first + known..(step + 2).min(self.steps)).map(|step| (step, chance)));
+    }
+
+    /// The stretches of the ray: at steps where something may be the chance found, and `uniform_share` of all samples, or more on
+    /// rays that may pass, in every step alike.
+    #[inline]
+    pub fn divide(&self, uniform_share: f32, stretches: &mut Stretches) {
+        let total: f32 = self.occupied.iter().map(|(_, chance)| chance).sum();
+        let passes = (-self.depth.min(OPAQUE)).exp();
+        let uniform = if total > 0.0 { uniform_share + (1.0 - uniform_share) * passes } else { 1.0 };
+        let scale = if total > 0.0 { (1.0 - uniform) / total } else { 0.0 };
+        let uniform = uniform / self.steps as f32;
+        let Stretches { ends, mass } = stretches;
+        ends.clear();
+        mass.clear();
+        let mut start = 0;
+        for &(step, chance) in &self.occupied {
+            if step > start {
+                ends.push(step);
+                mass.push((step - start) as f32 * uniform);
+            }
+            ends.push(step + 1);
+            mass.push(chance * scale + uniform);
+            start = step + 1;
+        }
+        if start < self.steps {
+            ends.push(self.steps);
+            mass.push((self.steps - start) as f32 * uniform);
+        }
+    }
 }
