@@ -1,7 +1,7 @@
 //! A coarse picture of where density is, which decides where samples go (the occupancy grid of Instant-NGP,
 //! section 4 of Mueller et al. 2022, holding densities instead of bits).
 
-use std::sync::atomic::{AtomicU8, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU8, Ordering};
 
 use fearless_simd::{Simd, i32x16, prelude::*};
 use rayon::prelude::*;
@@ -23,7 +23,7 @@ const NOTHING: u32 = (127 - 6) << 3;
 /// Densities on a regular grid of cells over the field's box.
 ///
 /// A cell is one byte, a floating-point number with five bits of exponent and three of mantissa, so that the grid stays in
-/// cache; forgetting is subtraction. Cells that rays look at forget sooner than others. Any number of threads may show it densities at once: cells only rise, and so come out the
+/// cache; forgetting is subtraction. Any number of threads may show it densities at once: cells only rise, and so come out the
 /// same in any order.
 /// Cells are stored brick by brick, so that a ray meets few cache lines, and each brick knows how far the nearest brick is in
 /// which something is, so that rays step over all that is empty.
@@ -34,8 +34,6 @@ pub struct DensityGrid {
     cell_size: f32,
     /// Codes; bricks x fastest, and cells within a brick likewise.
     cells: Vec<AtomicU8>,
-    /// A bit for each cell that was looked at since cells last forgot.
-    seen: Vec<AtomicU64>,
     /// Bricks from each brick to the nearest one that is not empty, along the axis on which they are farthest apart: 0 for
     /// those themselves, and at most [`FARTHEST`].
     distance: Vec<AtomicU8>,
@@ -45,8 +43,6 @@ pub struct DensityGrid {
 
 /// Optical depths of a cell below which rays ignore it.
 const THIN: f32 = 1e-3;
-/// Cells whose bits share a number.
-const SEEN: usize = u64::BITS as usize;
 /// Largest distance between bricks that is told from larger ones.
 const FARTHEST: u8 = 4;
 
@@ -62,8 +58,7 @@ impl DensityGrid {
         });
         let zeros = |n: usize| huge_pages::collect((0..n).map(|_| AtomicU8::new(0)));
         let (cells, distance) = (zeros(bricks.pow(3) * BRICK_CELLS), zeros(bricks.pow(3)));
-        let seen = (0..cells.len() / SEEN).map(|_| AtomicU64::new(0)).collect();
-        let mut grid = Self { bricks, cell_size, cells, seen, distance, optical };
+        let mut grid = Self { bricks, cell_size, cells, distance, optical };
         grid.fill(density);
         grid
     }
@@ -88,7 +83,7 @@ impl DensityGrid {
         let fits = cells.len() == self.cells.len();
         if fits {
             self.cells.iter_mut().zip(cells).for_each(|(mine, &cell)| *mine.get_mut() = cell);
-            self.change(|_, _| ());
+            self.lower(0);
         }
         fits
     }
@@ -144,28 +139,8 @@ impl DensityGrid {
         ask(&self.cells, cell);
     }
 
-    /// Which cells were looked at since cells last forgot, a bit each.
-    pub fn seen(&self) -> Vec<u8> {
-        self.seen.iter().flat_map(|seen| seen.load(Ordering::Relaxed).to_le_bytes()).collect()
-    }
-
-    /// Replaces all those bits; false if they are not as many.
-    pub fn set_seen(&mut self, seen: &[u8]) -> bool {
-        let (words, rest) = seen.as_chunks();
-        let fits = rest.is_empty() && words.len() == self.seen.len();
-        if fits {
-            let words = words.iter().map(|&word| AtomicU64::new(u64::from_le_bytes(word)));
-            self.seen = words.collect();
-        }
-        fits
-    }
-
     /// Raises a cell to a density (per metre) seen in it.
     pub fn observe(&self, cell: usize, density: f32) {
-        let (seen, bit) = (&self.seen[cell / SEEN], 1 << (cell % SEEN));
-        if seen.load(Ordering::Relaxed) & bit == 0 {
-            seen.fetch_or(bit, Ordering::Relaxed);
-        }
         let code = code(density);
         if code <= get(&self.cells[cell]) {
             return;
@@ -179,23 +154,7 @@ impl DensityGrid {
 
     /// Lets all cells forget: their densities fall by about an eighth of an octave (to 92 %).
     pub fn decay(&mut self) {
-        self.change(|cells, _| {
-            cells.iter_mut().for_each(|cell| *cell.get_mut() = cell.get_mut().saturating_sub(1))
-        });
-    }
-
-    /// Lets those cells forget that were looked at since cells last did.
-    pub fn decay_seen(&mut self) {
-        self.change(|cells, seen| {
-            for (cells, seen) in cells.chunks_mut(SEEN).zip(seen) {
-                let mut left = *seen.get_mut();
-                while left != 0 {
-                    let cell = cells[left.trailing_zeros() as usize].get_mut();
-                    *cell = cell.saturating_sub(1);
-                    left &= left - 1;
-                }
-            }
-        });
+        self.lower(1);
     }
 
     /// Whether a cell of this code is thick enough to count.
@@ -219,16 +178,18 @@ impl DensityGrid {
         }
     }
 
-    /// Lets `change` change the cells of each brick, which is told which of them were seen, and finds all distances anew: along each axis in
-    /// turn, the larger of how far to go and of what is known there.
-    fn change(&mut self, change: impl Fn(&mut [AtomicU8], &mut [AtomicU64]) + Sync) {
-        let Self { bricks, cells, seen, distance, optical, .. } = self;
-        let bricks_of = cells.par_chunks_mut(BRICK_CELLS).zip(seen.par_chunks_mut(BRICK_CELLS / SEEN));
-        distance.par_iter_mut().zip(bricks_of).for_each(|(distance, (cells, seen))| {
-            change(cells, seen);
-            seen.fill_with(AtomicU64::default);
+    /// Lowers all codes by `codes`, and finds all distances anew: along each axis in turn, the larger of how far to go and
+    /// of what is known there.
+    fn lower(&mut self, codes: u8) {
+        let Self { bricks, cells, distance, optical, .. } = self;
+        distance.par_iter_mut().zip(cells.par_chunks_mut(BRICK_CELLS)).for_each(|(distance, cells)| {
             // Not by `get`: compilers make vectors of what nobody else can read meanwhile.
-            let largest = cells.iter_mut().map(|cell| *cell.get_mut()).fold(0, u8::max);
+            let lowered = cells.iter_mut().map(|cell| {
+                let cell = cell.get_mut();
+                *cell = cell.saturating_sub(codes);
+                *cell
+            });
+            let largest = lowered.fold(0, u8::max);
             *distance.get_mut() = if optical[usize::from(largest)] != 0.0 { 0 } else { FARTHEST };
         });
         for stride in [1, *bricks, *bricks * *bricks] {
@@ -387,24 +348,6 @@ mod tests {
     }
 
     #[test]
-    fn cells_that_were_looked_at_forget_and_no_others() {
-        let mut grid = grid(3.0);
-        (0..4096).step_by(37).for_each(|cell| grid.observe(cell, 100.0));
-        grid.decay();
-        let before = grid.cells();
-        let looked = [3, 63, 64, 511, 512, 4095];
-        looked.into_iter().for_each(|cell| grid.observe(cell, 0.0));
-        grid.decay_seen();
-        let after = grid.cells();
-        for (cell, (before, after)) in before.iter().zip(&after).enumerate() {
-            assert_eq!(before - after, u8::from(looked.contains(&cell)), "{cell}");
-        }
-        // What was looked at long ago is no longer known.
-        grid.decay_seen();
-        assert_eq!(grid.cells(), after);
-    }
-
-    #[test]
     fn cells_return_as_they_were() {
         let grid = grid(3.0);
         grid.observe(100, 9.0);
@@ -413,8 +356,6 @@ mod tests {
         assert_eq!(other.optical_depth(100), 0.0);
         assert!(other.set_cells(&grid.cells()));
         assert_eq!(other.cells(), grid.cells());
-        assert!(!other.set_seen(&grid.seen()[1..]) && other.set_seen(&grid.seen()));
-        assert_eq!((other.seen(), other.seen()[12]), (grid.seen(), 1 << 4));
         assert_eq!(other.optical_depth(100), grid.optical_depth(100));
     }
 }

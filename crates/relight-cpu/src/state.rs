@@ -39,7 +39,6 @@ pub fn save(
     let means = means.chain([least]).collect();
     state.insert("probes".into(), StateTensor::F32(means));
     state.insert("density".into(), StateTensor::U8(density.cells()));
-    state.insert("density.seen".into(), StateTensor::U8(density.seen()));
     state
 }
 
@@ -99,13 +98,7 @@ pub fn load(
     let [shadow, imagined, field] = [shadow, imagined, field].map(|[sum, count]| Fading { sum, count });
     *experience = Experience { shadow, imagined, field, least };
     match state.get("density") {
-        Some(StateTensor::U8(cells)) if density.set_cells(cells) => {}
-        _ => return Err(missing("density")),
-    }
-    match state.get("density.seen") {
-        // Checkpoints of before do not tell.
-        None => Ok(()),
-        Some(StateTensor::U8(seen)) if density.set_seen(seen) => Ok(()),
-        _ => Err(missing("density.seen")),
+        Some(StateTensor::U8(cells)) if density.set_cells(cells) => Ok(()),
+        _ => Err(missing("density")),
     }
 }

@@ -22,9 +22,6 @@ use crate::stages::{Costs, Stage};
 
 /// Steps between two decays of the density grid.
 const DENSITY_DECAY: u64 = 32;
-/// Once things are found, it is so many times as long until cells forget that no ray looks at: what few cameras see may not be looked at
-/// for thousands of steps.
-const UNSEEN_DECAY: u64 = 8;
 /// Columns that a tile aims at: few enough for its activations to stay in the second-level cache, enough to fill
 /// the registers.
 const TILE_COLUMNS: usize = 192;
@@ -159,7 +156,7 @@ impl CpuEngine {
             let started = Instant::now();
             let mut costs = Costs::default();
             if guided {
-                let updates = observe(density, lanes, settings.step, settings.search) as f64;
+                let updates = observe(density, lanes, settings.step) as f64;
                 let seconds = started.elapsed().as_secs_f64();
                 *costs.of(Stage::Occupancy) = StageCost { seconds, updates, ..StageCost::default() };
             }
@@ -176,12 +173,9 @@ impl CpuEngine {
 }
 
 /// Shows the density grid the densities just computed, and lets it forget a little. Returns how many it was shown.
-fn observe(grid: &mut DensityGrid, lanes: &[Lane], step: u64, search: bool) -> usize {
-    let due = |steps| step % steps == steps - 1;
-    if due(DENSITY_DECAY * if search { 1 } else { UNSEEN_DECAY }) {
+fn observe(grid: &mut DensityGrid, lanes: &[Lane], step: u64) -> usize {
+    if step % DENSITY_DECAY == DENSITY_DECAY - 1 {
         grid.decay();
-    } else if due(DENSITY_DECAY) {
-        grid.decay_seen();
     }
     let grid = &*grid;
     let one = |lane: &Lane| -> usize {
