@@ -3,6 +3,8 @@
 //! Where shading is deferred, all that the samples leave behind are sums: features, depth, and how much light still
 //! passes; and the features of the last sample, where the ray gets there. So a ray that has met a surface needs no more samples
 //! (early ray termination, Levoy 1990).
+//! Nor are any placed behind what may be one: a ray that gets through looks on from there
+//! ([`SampleBatch::look_on`]).
 //!
 //! Of the geometry network's last layer a sample needs its density alone. Embeddings are linear in the hidden activations before it, so those are
 //! summed, and multiplied once a ray.

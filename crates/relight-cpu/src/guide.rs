@@ -13,7 +13,6 @@ use crate::walk::{LANES, Walker, Way, walk};
 const SHADING: f32 = 0.05;
 /// Cells that a ray looks at, at most; a ray through a cubic box meets fewer.
 const MOST_BINS: usize = 2048;
-
 /// Steps of nothing, behind one at which something is, that are a void.
 const VOID: usize = 3;
 

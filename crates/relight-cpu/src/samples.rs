@@ -136,16 +136,7 @@ impl SampleBatch {
                 let placing = if marcher.search { &SEARCHING } else { &KNOWING };
                 self.guide(marcher, rays, 0..rays.origins.len(), placing, jitter);
             }
-            Sampling::Stratified { coarse, fine } => {
-                let (shape, places) = ((tile_rays, coarse), (&mut self.t[..], &mut self.lengths[..]));
-                place_each(&self.spans, shape, places, |ray, span, t| {
-                    march::stratified(span, |k| jitter.at(ray, k), t);
-                });
-                if fine > 0 {
-                    self.refine(marcher, rays, fine, jitter);
-                }
-                self.ends.fill(f32::INFINITY);
-            }
+            Sampling::Stratified { fine, .. } => self.stratify(marcher, rays, fine, jitter),
         }
         self.marched.seconds = started.elapsed().as_secs_f64() - self.encoded.seconds;
     }
@@ -175,7 +166,7 @@ impl SampleBatch {
                 let placing = if self.looks < MOST_LOOKS { &LOOKING } else { &KNOWING };
                 self.guide(marcher, rays, going.iter().copied(), placing, Jitter(None));
             }
-            Sampling::Stratified { .. } => self.place(marcher, rays, sampling, self.tile_rays, Jitter(None)),
+            Sampling::Stratified { fine, .. } => self.stratify(marcher, rays, fine, Jitter(None)),
         }
     }
 
@@ -228,6 +219,18 @@ impl SampleBatch {
     /// Where in `t` and `lengths` the samples of a ray are.
     pub fn columns_of(&self, ray: usize) -> Range<usize> {
         columns_of(ray, (self.tile_rays, self.samples))
+    }
+
+    /// Places a sample in each of as many equal parts of all rays as they have samples, and adds `fine` more.
+    fn stratify(&mut self, marcher: &Marcher<'_>, rays: &Rays, fine: usize, jitter: Jitter) {
+        let shape = (self.tile_rays, self.samples);
+        place_each(&self.spans, shape, (&mut self.t, &mut self.lengths), |ray, span, t| {
+            march::stratified(span, |k| jitter.at(ray, k), t);
+        });
+        if fine > 0 {
+            self.refine(marcher, rays, fine, jitter);
+        }
+        self.ends.fill(f32::INFINITY);
     }
 
     /// Adds `fine` samples a ray, drawn from the weights of those at hand (paper section 4.3; Mildenhall et al.

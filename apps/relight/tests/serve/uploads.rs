@@ -130,9 +130,9 @@ fn one_server_serves_a_folder_and_answers_what_monitors_ask() {
     server.verdict(&id, &board.token);
     // The verdict is there before it is counted.
     let counted = || server.get("/metrics", None).text().contains("relight_submissions_scored_total 1\n");
-    while !counted() {
-        std::thread::sleep(std::time::Duration::from_millis(10));
-    }
+    (0..1000)
+        .take_while(|_| !counted())
+        .for_each(|_| std::thread::sleep(std::time::Duration::from_millis(10)));
     let metrics = server.get("/metrics", None);
     assert!(metrics.header("content-type").unwrap().starts_with("text/plain; version=0.0.4"));
     let metrics = metrics.text();

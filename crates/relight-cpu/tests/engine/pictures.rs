@@ -159,7 +159,7 @@ fn rays_that_end_early_look_like_whole_ones() {
     }
 }
 
-/// Points along rays at which surfaces may be expected, so that rays look on behind each of them.
+/// Points along rays at which surfaces may be expected, so that rays look on behind the first.
 fn surfaces(rays: &Rays) -> Vec<[f32; 3]> {
     let cube = UnitCube::new(&BOUNDS);
     let spans = rays.origins.iter().zip(&rays.directions).map(|(&o, &d)| (o, d, cube.clip(o, d)));

@@ -46,7 +46,7 @@ proptest! {
     }
 }
 
-/// A wall and a mist before and behind it that the density grid knows of: samples before the void between them stand for little of it.
+/// Two walls that the density grid knows of: samples beside the void between them stand for little of it.
 #[test]
 fn samples_beside_a_void_stand_for_little_of_it() {
     let mut parts = Parts::new(&field(V5));
