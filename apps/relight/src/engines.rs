@@ -7,7 +7,7 @@ use relight_field::engine::Engine;
 use relight_field::parameters::Parameters;
 use relight_field::sampling::EngineConfig;
 use relight_field::weights_file;
-use relight_train::guide_file;
+use relight_train::guide_file::{self, Guide};
 use relight_train::run::{RunConfig, RunFolder};
 
 /// Where a field is trained and drawn.
@@ -78,7 +78,18 @@ pub fn of_run(run: &RunFolder, config: &RunConfig) -> anyhow::Result<Box<dyn Eng
     let mut engine = create(Device::Auto, &parameters, config.engine())
         .with_context(|| run.weights().display().to_string())?;
     if let Some(guide) = guide_file::load(&run.guide())? {
-        engine.set_guide(&guide).with_context(|| run.guide().display().to_string())?;
+        engine.set_guide(&guide.learnt).with_context(|| run.guide().display().to_string())?;
+        if !guide.surveyed {
+            engine.survey();
+        }
     }
+    Ok(engine)
+}
+
+/// The same for a run whose training has ended: what the engine finds before it draws is kept beside the weights, so that it need not
+/// be found again.
+pub fn of_ended_run(run: &RunFolder, config: &RunConfig) -> anyhow::Result<Box<dyn Engine>> {
+    let engine = of_run(run, config)?;
+    guide_file::save(&Guide { learnt: engine.guide(), surveyed: true }, &run.guide())?;
     Ok(engine)
 }

@@ -246,6 +246,9 @@ pub fn train(
         Ending::Plateau => "validation stopped improving",
         Ending::Cancelled => "stopped",
     };
+    if outcome.ending != Ending::Cancelled {
+        engines::of_ended_run(run, config)?;
+    }
     let best = outcome.standing.best.map_or(String::new(), |b| format!("; best {:.2} dB", b.psnr));
     bar.finish(&format!(
         "{ending} after {} steps, {:.0} s{best}",

@@ -123,6 +123,14 @@ impl DensityGrid {
         (brick << (3 * bits)) + within
     }
 
+    /// The middle of a cell, in the unit cube.
+    pub fn middle(&self, cell: usize) -> [f32; 3] {
+        let place = |i: usize, n: usize| [i % n, i / n % n, i / (n * n)];
+        let (brick, within) = (place(cell / BRICK_CELLS, self.bricks), place(cell % BRICK_CELLS, BRICK));
+        let cells = self.resolution() as f32;
+        std::array::from_fn(|a| ((BRICK * brick[a] + within[a]) as f32 + 0.5) / cells)
+    }
+
     /// Bricks from that of a cell to the nearest one in which something is thick enough to count, along the axis on which they are
     /// farthest apart; larger distances than a few bricks are not told apart.
     pub fn to_occupied(&self, cell: usize) -> u8 {
@@ -284,6 +292,7 @@ mod tests {
             let cell = grid.cell(middle([i % 16, i / 16 % 16, i / 256]));
             assert!(!std::mem::replace(&mut seen[cell], true));
             assert!(is(density(&grid, cell), 3.0));
+            assert_eq!(grid.middle(cell), middle([i % 16, i / 16 % 16, i / 256]));
         }
         assert_eq!(grid.cells().len(), seen.len());
         assert_eq!(grid.cell_size(), 0.05);

@@ -13,6 +13,7 @@ use relight_field::engine::{
     RenderSettings, Samples, StageCost, StepSettings, StepStats,
 };
 use relight_field::parameters::{FieldConfig, Parameters};
+use relight_field::random::Random;
 use relight_field::sampling::{EngineConfig, Sampling, Shading};
 
 use crate::adam::Adam;
@@ -39,7 +40,7 @@ const DENSITY_RESOLUTION: usize = 256;
 /// Guided samples a ray when a picture is drawn and nobody says how many, at least: beyond them, little is gained.
 const DRAWING_SAMPLES: usize = 16;
 /// The same where rays look on (see [`SampleBatch::look_on`](crate::samples::SampleBatch::look_on)): all are for one thing then.
-const LOOK_SAMPLES: usize = 14;
+const LOOK_SAMPLES: usize = 12;
 
 /// The fast CPU engine.
 pub struct CpuEngine {
@@ -114,6 +115,11 @@ impl CpuEngine {
         }
     }
 
+    /// Whether the density grid says where samples lie.
+    fn is_guided(&self) -> bool {
+        matches!(self.config.sampling, Sampling::Guided { .. })
+    }
+
     fn code_light(&self, pose: &LightPose) -> CodedLight {
         let code = match self.field.architecture.light {
             LightInput::Pose => fourier::encode(&pose.0).to_vec(),
@@ -167,6 +173,12 @@ impl Engine for CpuEngine {
 
     fn guide(&self) -> Vec<u8> {
         self.density.cells()
+    }
+
+    fn survey(&mut self) {
+        if self.is_guided() {
+            self.marcher().survey(1, Random::new(self.config.seed, 0));
+        }
     }
 
     fn set_guide(&mut self, guide: &[u8]) -> Result<(), EngineError> {

@@ -40,6 +40,7 @@ pub mod shade;
 pub mod soap;
 pub mod stages;
 mod state;
+pub mod survey;
 pub mod tile;
 pub mod walk;
 

@@ -46,11 +46,13 @@ pub enum Stage {
     OptimiseGrid,
     /// The density grid told what densities there were.
     Occupancy,
+    /// The density grid shown the field where no ray looks.
+    Survey,
 }
 
 impl Stage {
     /// All stages, in the order of a step.
-    pub const ALL: [(Self, &'static str); 18] = [
+    pub const ALL: [(Self, &'static str); 19] = [
         (Self::March, "march"),
         (Self::Encode, "encode"),
         (Self::ShadowLook, "shadow rays: look"),
@@ -69,6 +71,7 @@ impl Stage {
         (Self::Scatter, "scatter"),
         (Self::OptimiseGrid, "optimise grid"),
         (Self::Occupancy, "occupancy"),
+        (Self::Survey, "survey"),
     ];
 }
 

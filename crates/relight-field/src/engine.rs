@@ -229,6 +229,10 @@ pub trait Engine: Send {
         Vec::new()
     }
 
+    /// Looks over the whole field for where to place samples, so that what no ray looked at of late is known too. Takes about a second:
+    /// before pictures are drawn of weights that will not change. Engines that need none ignore it.
+    fn survey(&mut self) {}
+
     /// What the engine has learnt of where to place samples, to be kept beside the weights: without it pictures are
     /// drawn from the weights alone, and worse. Empty for engines that need none.
     fn guide(&self) -> Vec<u8> {

@@ -19,18 +19,30 @@ const FORMAT: &str = "relight-guide-1";
 const LONGEST: u64 = 1 << 28;
 /// The one array of the file.
 const GUIDE: &str = "guide";
+/// Under it the metadata tell whether the field was surveyed; files of before do not.
+const SURVEYED: &str = "surveyed";
+
+/// A guide, as it is kept.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Guide {
+    /// What [`Engine::guide`](relight_field::engine::Engine::guide) gave.
+    pub learnt: Vec<u8>,
+    /// Whether the engine had surveyed the field then: see [`Engine::survey`](relight_field::engine::Engine::survey).
+    pub surveyed: bool,
+}
 
 /// Writes a guide; nothing for an empty one.
 ///
 /// # Errors
 /// [`TrainError::Io`] or [`TrainError::Run`] if it cannot be written.
-pub(crate) fn save(guide: &[u8], path: &Path) -> Result<(), TrainError> {
-    if guide.is_empty() {
+pub fn save(guide: &Guide, path: &Path) -> Result<(), TrainError> {
+    let Guide { learnt, surveyed } = guide;
+    if learnt.is_empty() {
         return Ok(());
     }
     let broken = |e: safetensors::SafeTensorError| TrainError::run(path, e.to_string());
-    let array = TensorView::new(Dtype::U8, vec![guide.len()], guide).map_err(broken)?;
-    let metadata = BTreeMap::from([("format", FORMAT.to_owned())]);
+    let array = TensorView::new(Dtype::U8, vec![learnt.len()], learnt).map_err(broken)?;
+    let metadata = BTreeMap::from([("format", FORMAT.to_owned()), (SURVEYED, surveyed.to_string())]);
     let bytes = tensor_file::serialize([(GUIDE.to_owned(), array)], &metadata).map_err(broken)?;
     write_whole(path, |file| file.write_all(&bytes))
 }
@@ -39,7 +51,7 @@ pub(crate) fn save(guide: &[u8], path: &Path) -> Result<(), TrainError> {
 ///
 /// # Errors
 /// [`TrainError::Run`] if it is no guide; [`TrainError::Scene`] if it cannot be read.
-pub fn load(path: &Path) -> Result<Option<Vec<u8>>, TrainError> {
+pub fn load(path: &Path) -> Result<Option<Guide>, TrainError> {
     if !path.try_exists().map_err(TrainError::io(path))? {
         return Ok(None);
     }
@@ -50,13 +62,14 @@ pub fn load(path: &Path) -> Result<Option<Vec<u8>>, TrainError> {
         TrainError::run(path, format!("{problem}: {mend}"))
     };
     let (_, metadata) = SafeTensors::read_metadata(&bytes).map_err(|e| broken(e.to_string()))?;
-    let format = metadata.metadata().as_ref().and_then(|m| m.get("format")).map_or("", String::as_str);
+    let told = |key: &str| metadata.metadata().as_ref().and_then(|m| m.get(key)).map_or("", String::as_str);
+    let format = told("format");
     if format != FORMAT {
         return Err(broken(format!("format \"{format}\" is unknown, {FORMAT} was expected")));
     }
     let file = SafeTensors::deserialize(&bytes).map_err(|e| broken(e.to_string()))?;
     let array = file.tensor(GUIDE).map_err(|e| broken(e.to_string()))?;
-    Ok(Some(array.data().to_vec()))
+    Ok(Some(Guide { learnt: array.data().to_vec(), surveyed: told(SURVEYED) == "true" }))
 }
 
 #[cfg(test)]
@@ -69,10 +82,13 @@ mod tests {
     fn guides_come_back_and_damage_is_found() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("guide.safetensors");
-        save(&[], &path).unwrap();
+        let guide = |learnt: &[u8], surveyed| Guide { learnt: learnt.to_vec(), surveyed };
+        save(&guide(&[], true), &path).unwrap();
         assert_eq!(load(&path).unwrap(), None);
-        save(&[1, 2, 3], &path).unwrap();
-        assert_eq!(load(&path).unwrap(), Some(vec![1, 2, 3]));
+        for surveyed in [true, false] {
+            save(&guide(&[1, 2, 3], surveyed), &path).unwrap();
+            assert_eq!(load(&path).unwrap(), Some(guide(&[1, 2, 3], surveyed)));
+        }
         let bytes = fs::read(&path).unwrap();
         fs::write(&path, &bytes[..bytes.len() - 1]).unwrap();
         assert!(load(&path).unwrap_err().to_string().contains("guide.safetensors"));

@@ -13,7 +13,7 @@ use relight_stereo::DepthPrior;
 use crate::TrainError;
 use crate::batch::{BatchSampler, LightChoice};
 use crate::checkpoint::{Best, Checkpoint, Standing};
-use crate::guide_file;
+use crate::guide_file::{self, Guide};
 use crate::metrics_log::{MetricsLog, Report};
 use crate::run::{RunConfig, RunFolder};
 use crate::schedule::Budget;
@@ -329,6 +329,6 @@ impl<'a> Trainer<'a> {
 
 /// Keeps weights to draw with. A guide of later weights, after a kill between the two files, still serves.
 fn keep(run: &RunFolder, engine: &dyn Engine, parameters: &Parameters) -> Result<(), TrainError> {
-    guide_file::save(&engine.guide(), &run.guide())?;
+    guide_file::save(&Guide { learnt: engine.guide(), surveyed: false }, &run.guide())?;
     Ok(weights_file::save(parameters, &run.weights())?)
 }

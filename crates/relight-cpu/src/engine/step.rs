@@ -8,7 +8,8 @@ use std::time::Instant;
 use rayon::prelude::*;
 use relight_field::architecture::LightInput;
 use relight_field::engine::{EngineError, RayBatch, StageCost, StepSettings, StepStats};
-use relight_field::sampling::{Sampling, Shading};
+use relight_field::random::Random;
+use relight_field::sampling::Shading;
 
 use super::CpuEngine;
 use super::lane::{Lane, Sums, Work};
@@ -22,6 +23,12 @@ use crate::stages::{Costs, Stage};
 
 /// Steps between two decays of the density grid.
 const DENSITY_DECAY: u64 = 32;
+/// Steps between two surveys of the density grid, once nothing is searched for.
+const SURVEY_EVERY: u64 = 256;
+/// One cell of so many is looked at in each.
+const SURVEYED_OF: usize = 64;
+/// Streams of the seed from here on draw those cells.
+const SURVEY_STREAM: u64 = 1 << 62;
 /// Columns that a tile aims at: few enough for its activations to stay in the second-level cache, enough to fill
 /// the registers.
 const TILE_COLUMNS: usize = 192;
@@ -62,6 +69,9 @@ impl CpuEngine {
             self.experience.observe_field(stats.loss);
         }
         self.learn(settings);
+        if self.is_guided() && !settings.search && settings.step % SURVEY_EVERY == SURVEY_EVERY - 1 {
+            self.survey_some(settings.step);
+        }
         Ok(stats)
     }
 
@@ -114,6 +124,13 @@ impl CpuEngine {
         if knows_light && settings.probe_weight > 0.0 { batch.probes_per_ray() } else { 0 }
     }
 
+    /// Looks for what the density grid has forgotten.
+    fn survey_some(&mut self, step: u64) {
+        let started = Instant::now();
+        let cost = self.marcher().survey(SURVEYED_OF, Random::new(self.config.seed, SURVEY_STREAM + step));
+        self.costs.of(Stage::Survey).add(&StageCost { seconds: started.elapsed().as_secs_f64(), ..cost });
+    }
+
     /// Refuses sums that are not finite, and so gradients that are not.
     fn check_finite(&self, sums: &Sums, step: u64) -> Result<(), EngineError> {
         let non_finite = |what: &str| Err(EngineError::NonFinite { step, what: what.into() });
@@ -138,11 +155,11 @@ impl CpuEngine {
     /// Networks, hash grid and density grid learn from the lanes, all at once.
     fn learn(&mut self, settings: &StepSettings) {
         let started = Instant::now();
+        let guided = self.is_guided();
         let Self { networks, moments, grid, density, adam, simd, .. } = self;
         let (lanes, rate) = (&self.lanes[..self.lanes_used], settings.learning_rate);
         let tiles: Vec<TileGradients<'_>> =
             lanes.iter().flat_map(|lane| lane.samples.positions().tiles(&lane.feature_gradients)).collect();
-        let guided = matches!(self.config.sampling, Sampling::Guided { .. });
         let optimise_networks = || {
             let mut costs = networks.step(*simd, &lanes[0].gradients, moments, rate, adam);
             let weights: usize = moments.iter().map(|moments| moments.m.len()).sum();

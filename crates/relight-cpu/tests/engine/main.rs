@@ -11,3 +11,4 @@ mod probes;
 mod repeatability;
 mod samples;
 mod steps;
+mod surveys;

@@ -17,7 +17,7 @@ use crate::common::*;
 
 const SEED: u64 = 3;
 
-fn settings(step: u64) -> StepSettings {
+pub(crate) fn settings(step: u64) -> StepSettings {
     StepSettings {
         step,
         learning_rate: 0.003,
@@ -31,7 +31,7 @@ fn settings(step: u64) -> StepSettings {
 }
 
 /// Of so many guided samples a ray.
-fn guided(samples: usize) -> EngineConfig {
+pub(crate) fn guided(samples: usize) -> EngineConfig {
     EngineConfig {
         sampling: Sampling::Guided { samples },
         shading: SHADINGS[0],

@@ -1,0 +1,79 @@
+//! What surveys show the density grid.
+
+use fearless_simd::Level;
+use relight_cpu::CpuEngine;
+use relight_cpu::density_grid::DensityGrid;
+use relight_field::architecture::V5;
+use relight_field::engine::{Engine, Points, StepSettings};
+use relight_field::random::Random;
+
+use crate::common::{BOUNDS, Parts, batch, field, lights};
+use crate::steps::{guided, settings};
+
+/// A grid of `resolution` cells an axis, empty but for a dense first cell, after a survey of one of each `of` cells.
+fn surveyed(resolution: usize, of: usize, seed: u64) -> DensityGrid {
+    let density = DensityGrid::uniform(&BOUNDS, resolution, 0.0);
+    density.observe(0, 1e4);
+    let parts = Parts { density, ..Parts::new(&field(V5)) };
+    let cost = parts.marcher(Level::new()).survey(of, Random::new(seed, 0));
+    assert_eq!(cost.updates, (resolution.pow(3) / of) as f64);
+    parts.density
+}
+
+#[test]
+fn a_survey_of_all_shows_every_cell_the_field_in_its_middle() {
+    let parameters = field(V5);
+    let grid = surveyed(16, 1, 0);
+    let cells = 0..16usize.pow(3);
+    let world = |cell: usize| {
+        let unit = grid.middle(cell);
+        [0, 1, 2].map(|a| f64::from(BOUNDS.lo[a] + unit[a] * (BOUNDS.hi[a] - BOUNDS.lo[a])))
+    };
+    let points = Points {
+        positions: cells.clone().map(world).collect(),
+        directions: vec![[0.0, 0.0, 1.0]; cells.len()],
+        light: Some(lights()[0]),
+    };
+    let field = CpuEngine::new(&parameters, guided(12)).unwrap().query(&points).unwrap();
+    for (cell, density) in cells.zip(field.density).skip(1) {
+        let known = grid.optical_depth(cell) / grid.cell_size();
+        // Of densities a cell keeps three bits, and what is thin it does not count.
+        let is = (known / density - 1.0).abs() < 0.07 || (known == 0.0 && density * grid.cell_size() < 2e-3);
+        assert!(is, "cell {cell}: {known} {density}");
+    }
+    assert!(grid.optical_depth(0) > 400.0, "what was known is forgotten");
+}
+
+#[test]
+fn other_surveys_show_one_cell_of_each_few() {
+    let shown = |seed| -> Vec<usize> {
+        let grid = surveyed(24, 64, seed);
+        (1..24usize.pow(3)).filter(|&cell| grid.optical_depth(cell) > 0.0).collect()
+    };
+    let (one, other) = (shown(3), shown(4));
+    // The first of all was known.
+    assert!(one.len() > 200 && one.windows(2).all(|pair| pair[0] / 64 < pair[1] / 64 || pair[0] < 64));
+    assert_eq!(one, shown(3));
+    assert_ne!(one, other);
+}
+
+/// Trainings survey from time to time, once they search no longer.
+#[test]
+fn steps_survey_when_nothing_is_searched_for() {
+    let known = |search: bool, step: u64| {
+        let mut engine = CpuEngine::new(&field(V5), guided(12)).unwrap();
+        let cells = engine.guide().len();
+        engine.set_guide(&vec![0; cells]).unwrap();
+        engine.train_step(&batch(8, 2), &StepSettings { search, ..settings(step) }).unwrap();
+        let surveyed = engine.stages().iter().find(|(name, _)| *name == "survey").unwrap().1;
+        assert_eq!(surveyed.lookups > 0.0, !search && step == 255);
+        engine.guide().iter().filter(|&&code| code > 0).count()
+    };
+    let [searching, between, due] = [(true, 255), (false, 254), (false, 255)].map(|(s, n)| known(s, n));
+    assert!(searching < 200 && between < 200 && due > 100_000, "{searching} {between} {due}");
+    // And as often as they are asked to.
+    let mut engine = CpuEngine::new(&field(V5), guided(12)).unwrap();
+    engine.set_guide(&vec![0; engine.guide().len()]).unwrap();
+    engine.survey();
+    assert!(engine.guide().iter().filter(|&&code| code > 0).count() > 10_000_000);
+}
