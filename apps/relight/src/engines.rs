@@ -72,24 +72,36 @@ pub fn weights(run: &RunFolder, config: &RunConfig) -> anyhow::Result<Parameters
     Ok(parameters)
 }
 
-/// An engine that holds the best weights of a run.
+/// An engine that holds the best weights of a run, and knows all that the field holds: where the run's guide does not tell it, it looks,
+/// which takes a second.
 pub fn of_run(run: &RunFolder, config: &RunConfig) -> anyhow::Result<Box<dyn Engine>> {
+    guided_by(guide_file::load(&run.guide())?, run, config)
+}
+
+/// Keeps in the guide of a run, whose training has ended and which the caller has locked, where the field holds anything: nobody who opens the
+/// run has to look again then.
+pub fn complete_guide(run: &RunFolder, config: &RunConfig) -> anyhow::Result<()> {
+    let guide = guide_file::load(&run.guide()).unwrap_or_else(|damaged| {
+        tracing::warn!("{damaged}; it is made anew");
+        None
+    });
+    if guide.as_ref().is_none_or(|guide| !guide.surveyed) {
+        let learnt = guided_by(guide, run, config)?.guide();
+        guide_file::save(&Guide { learnt, surveyed: true }, &run.guide())?;
+    }
+    Ok(())
+}
+
+/// An engine that holds the best weights of a run, with this guide.
+fn guided_by(guide: Option<Guide>, run: &RunFolder, config: &RunConfig) -> anyhow::Result<Box<dyn Engine>> {
     let parameters = weights(run, config)?;
     let mut engine = create(Device::Auto, &parameters, config.engine())
         .with_context(|| run.weights().display().to_string())?;
-    if let Some(guide) = guide_file::load(&run.guide())? {
-        engine.set_guide(&guide.learnt).with_context(|| run.guide().display().to_string())?;
-        if !guide.surveyed {
-            engine.survey();
-        }
+    // Without one, from nothing at all.
+    let guide = guide.unwrap_or_else(|| Guide { learnt: vec![0; engine.guide().len()], surveyed: false });
+    engine.set_guide(&guide.learnt).with_context(|| run.guide().display().to_string())?;
+    if !guide.surveyed {
+        engine.survey();
     }
-    Ok(engine)
-}
-
-/// The same for a run whose training has ended: what the engine finds before it draws is kept beside the weights, so that it need not
-/// be found again.
-pub fn of_ended_run(run: &RunFolder, config: &RunConfig) -> anyhow::Result<Box<dyn Engine>> {
-    let engine = of_run(run, config)?;
-    guide_file::save(&Guide { learnt: engine.guide(), surveyed: true }, &run.guide())?;
     Ok(engine)
 }

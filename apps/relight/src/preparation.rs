@@ -247,7 +247,8 @@ pub fn train(
         Ending::Cancelled => "stopped",
     };
     if outcome.ending != Ending::Cancelled {
-        engines::of_ended_run(run, config)?;
+        drop(trainer);
+        engines::complete_guide(run, config)?;
     }
     let best = outcome.standing.best.map_or(String::new(), |b| format!("; best {:.2} dB", b.psnr));
     bar.finish(&format!(

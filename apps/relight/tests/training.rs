@@ -5,6 +5,8 @@
 
 mod common;
 
+use std::fs;
+
 use common::{TINY, Workshop, metrics};
 
 #[test]
@@ -22,6 +24,35 @@ fn a_trained_field_beats_what_can_be_had_without_learning() {
             assert!(own > other + 1.0, "{split}: {own} dB against {other} dB of {baseline}");
         }
     }
+}
+
+/// Once training has ended, the guide tells of the whole field; what a guide does not tell is found again, and not kept.
+#[test]
+fn guides_are_completed_where_training_ends_and_missed_nowhere() {
+    let shop = Workshop::new();
+    shop.train("run");
+    let path = shop.path("run/guide.safetensors");
+    let kept = fs::read(&path).unwrap();
+    let score = || shop.json("eval run --split easy --json")["psnr"].as_f64().unwrap();
+    let expected = score();
+    // Where a training was stopped.
+    let name = b"\"surveyed\":\"true\"";
+    let at = kept.windows(name.len()).position(|bytes| bytes == name).unwrap();
+    let mut stopped = kept.clone();
+    stopped[at + 1] = b'S';
+    fs::write(&path, &stopped).unwrap();
+    assert_eq!(score(), expected);
+    assert_eq!(fs::read(&path).unwrap(), stopped);
+    fs::remove_file(&path).unwrap();
+    assert!((score() - expected).abs() < 0.5, "{} {expected}", score());
+    assert!(!path.exists());
+    // A damaged one is told of, and made anew where a training ends.
+    fs::write(&path, &kept[..kept.len() - 1]).unwrap();
+    let output = shop.run("train scene --out run --resume --steps 30");
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{said}");
+    let anew = fs::read(&path).unwrap();
+    assert!(anew.windows(name.len()).any(|bytes| bytes == name));
 }
 
 #[cfg(unix)]

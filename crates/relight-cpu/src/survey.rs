@@ -18,8 +18,9 @@ const TOGETHER: usize = 512;
 
 impl Marcher<'_> {
     /// Shows the density grid the density in the middle of one cell, which `random` draws, of each `of` that follow each other in its
-    /// order of storage. Returns what that cost, but for the time.
+    /// order of storage, `of` being a power of two up to a brick. Returns what that cost, but for the time.
     pub fn survey(&self, of: usize, random: Random) -> StageCost {
+        debug_assert!(of.is_power_of_two() && of <= TOGETHER);
         let looks = self.density.resolution().pow(3) / of;
         (0..looks.div_ceil(TOGETHER)).into_par_iter().for_each_init(
             || (vec![0.5; 3 * TOGETHER], Aligned::default()),

@@ -229,8 +229,8 @@ pub trait Engine: Send {
         Vec::new()
     }
 
-    /// Looks over the whole field for where to place samples, so that what no ray looked at of late is known too. Takes about a second:
-    /// before pictures are drawn of weights that will not change. Engines that need none ignore it.
+    /// Looks over the whole field for where to place samples, so that what no ray looked at of late is known too. To be called
+    /// before pictures are drawn of weights that will not change; about a second on two cores. Engines that need none ignore it.
     fn survey(&mut self) {}
 
     /// What the engine has learnt of where to place samples, to be kept beside the weights: without it pictures are

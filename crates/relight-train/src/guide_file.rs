@@ -57,8 +57,7 @@ pub fn load(path: &Path) -> Result<Option<Guide>, TrainError> {
     }
     let bytes = read_bytes(path, LONGEST)?;
     let broken = |problem: String| {
-        let mend =
-            "delete the file to draw from the weights alone, or resume the training, which writes it anew";
+        let mend = "delete the file, and what it tells is looked for in the weights, or resume the training, which writes it anew";
         TrainError::run(path, format!("{problem}: {mend}"))
     };
     let (_, metadata) = SafeTensors::read_metadata(&bytes).map_err(|e| broken(e.to_string()))?;
@@ -85,11 +84,15 @@ mod tests {
         let guide = |learnt: &[u8], surveyed| Guide { learnt: learnt.to_vec(), surveyed };
         save(&guide(&[], true), &path).unwrap();
         assert_eq!(load(&path).unwrap(), None);
-        for surveyed in [true, false] {
+        for surveyed in [false, true] {
             save(&guide(&[1, 2, 3], surveyed), &path).unwrap();
             assert_eq!(load(&path).unwrap(), Some(guide(&[1, 2, 3], surveyed)));
         }
         let bytes = fs::read(&path).unwrap();
+        // One of before, which tells of no survey.
+        let without = String::from_utf8(bytes.clone()).unwrap().replace("surveyed", "anything");
+        fs::write(&path, without).unwrap();
+        assert_eq!(load(&path).unwrap(), Some(guide(&[1, 2, 3], false)));
         fs::write(&path, &bytes[..bytes.len() - 1]).unwrap();
         assert!(load(&path).unwrap_err().to_string().contains("guide.safetensors"));
         fs::write(&path, String::from_utf8_lossy(&bytes).replace("guide-1", "guide-9")).unwrap();

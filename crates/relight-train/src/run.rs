@@ -3,7 +3,8 @@
 //! ```text
 //! RUN/config.toml                      all that is needed to repeat the run
 //!     weights.safetensors              the best weights so far, by validation
-//!     guide.safetensors                where the engine had learnt to place samples, beside those weights
+//!     guide.safetensors                where the engine had learnt to place samples, beside those weights; once training has ended,
+//!                                      where the whole field holds anything
 //!     checkpoint/latest.safetensors    what is needed to continue
 //!     metrics.jsonl                    one line a report
 //!     previews/                        a validation picture now and then: ground truth | rendering

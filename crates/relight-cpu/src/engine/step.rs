@@ -27,8 +27,8 @@ const DENSITY_DECAY: u64 = 32;
 const SURVEY_EVERY: u64 = 256;
 /// One cell of so many is looked at in each.
 const SURVEYED_OF: usize = 64;
-/// Streams of the seed from here on draw those cells.
-const SURVEY_STREAM: u64 = 1 << 62;
+/// Streams of the seed from here on draw those cells; those of shadow rays are below.
+const SURVEY_STREAM: u64 = 3 << 60;
 /// Columns that a tile aims at: few enough for its activations to stay in the second-level cache, enough to fill
 /// the registers.
 const TILE_COLUMNS: usize = 192;

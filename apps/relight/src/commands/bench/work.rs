@@ -154,7 +154,8 @@ fn attempt(
     }
     drop(trainer);
 
-    let engine = engines::of_ended_run(&run, &config)?;
+    engines::complete_guide(&run, &config)?;
+    let engine = engines::of_run(&run, &config)?;
     let folder = run.root();
     let mean = mean_image(&data.scene, &data.splits.train, &|done, all| {
         tell(TRAINING, &|| format!("mean of {done} of {all} images"));
