@@ -73,7 +73,7 @@ pub fn weights(run: &RunFolder, config: &RunConfig) -> anyhow::Result<Parameters
 }
 
 /// An engine that holds the best weights of a run, and knows all that the field holds: where the run's guide does not tell it, it looks,
-/// which takes a second.
+/// which takes a second, and keeps nothing, since who reads a run may not be allowed to write.
 pub fn of_run(run: &RunFolder, config: &RunConfig) -> anyhow::Result<Box<dyn Engine>> {
     guided_by(guide_file::load(&run.guide())?, run, config)
 }

@@ -46,7 +46,7 @@ fn guides_are_completed_where_training_ends_and_missed_nowhere() {
     fs::remove_file(&path).unwrap();
     assert!((score() - expected).abs() < 0.5, "{} {expected}", score());
     assert!(!path.exists());
-    // A damaged one is told of, and made anew where a training ends.
+    // Where a training goes on and ends, a damaged one is whole again.
     fs::write(&path, &kept[..kept.len() - 1]).unwrap();
     let output = shop.run("train scene --out run --resume --steps 30");
     let said = String::from_utf8(output.stderr).unwrap();

@@ -233,8 +233,8 @@ pub trait Engine: Send {
     /// before pictures are drawn of weights that will not change; about a second on two cores. Engines that need none ignore it.
     fn survey(&mut self) {}
 
-    /// What the engine has learnt of where to place samples, to be kept beside the weights: without it pictures are
-    /// drawn from the weights alone, and worse. Empty for engines that need none.
+    /// What the engine has learnt of where to place samples, to be kept beside the weights: without it, the field has to
+    /// be surveyed before pictures are drawn, and thin things may be missed. Empty for engines that need none.
     fn guide(&self) -> Vec<u8> {
         Vec::new()
     }
