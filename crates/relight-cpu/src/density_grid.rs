@@ -13,12 +13,14 @@ use crate::prefetch::ask;
 /// Cells an axis of a brick.
 pub const BRICK: usize = 8;
 /// Cells of a brick.
-const BRICK_CELLS: usize = BRICK * BRICK * BRICK;
+pub const BRICK_CELLS: usize = BRICK * BRICK * BRICK;
 const _: () = assert!(BRICK.is_power_of_two());
 /// Bits of a density that a code does without: its last 20, so that three of the mantissa stay.
 const DROPPED_BITS: u32 = 20;
 /// What stands for nothing at all, in those bits that stay: 1/64 per metre.
 const NOTHING: u32 = (127 - 6) << 3;
+/// Code of a cell that stays empty for ever. No density has it.
+const HIDDEN: u8 = 255;
 
 /// Densities on a regular grid of cells over the field's box.
 ///
@@ -54,7 +56,7 @@ impl DensityGrid {
         let cell_size = shortest / (bricks * BRICK) as f32;
         let optical = std::array::from_fn(|code| {
             let depth = f32::from_bits((code as u32 + NOTHING) << DROPPED_BITS) * cell_size;
-            if code == 0 || depth < THIN { 0.0 } else { depth }
+            if code == 0 || code == usize::from(HIDDEN) || depth < THIN { 0.0 } else { depth }
         });
         let zeros = |n: usize| huge_pages::collect((0..n).map(|_| AtomicU8::new(0)));
         let (cells, distance) = (zeros(bricks.pow(3) * BRICK_CELLS), zeros(bricks.pow(3)));
@@ -83,17 +85,27 @@ impl DensityGrid {
         let fits = cells.len() == self.cells.len();
         if fits {
             self.cells.iter_mut().zip(cells).for_each(|(mine, &cell)| *mine.get_mut() = cell);
-            self.lower(0);
+            self.find_distances();
         }
         fits
     }
 
-    /// Sets all cells to one density.
+    /// Sets all cells to one density, but for hidden ones.
     pub fn fill(&mut self, density: f32) {
         let code = code(density);
-        let distance = if self.counts(code) { 0 } else { FARTHEST };
-        self.cells.iter_mut().for_each(|cell| *cell.get_mut() = code);
-        self.distance.iter_mut().for_each(|known| *known.get_mut() = distance);
+        let cells = self.cells.iter_mut().map(AtomicU8::get_mut);
+        cells.filter(|cell| **cell != HIDDEN).for_each(|cell| *cell = code);
+        self.find_distances();
+    }
+
+    /// Empties a cell for ever; [`DensityGrid::find_distances`] has to follow.
+    pub(crate) fn hide(&self, cell: usize) {
+        self.cells[cell].store(HIDDEN, Ordering::Relaxed);
+    }
+
+    /// Whether a cell stays empty for ever.
+    pub fn is_hidden(&self, cell: usize) -> bool {
+        get(&self.cells[cell]) == HIDDEN
     }
 
     /// The cell of a position in the unit cube; positions outside belong to the nearest.
@@ -147,7 +159,7 @@ impl DensityGrid {
         ask(&self.cells, cell);
     }
 
-    /// Raises a cell to a density (per metre) seen in it.
+    /// Raises a cell to a density (per metre) seen in it, unless it is hidden.
     pub fn observe(&self, cell: usize, density: f32) {
         let code = code(density);
         if code <= get(&self.cells[cell]) {
@@ -186,6 +198,11 @@ impl DensityGrid {
         }
     }
 
+    /// Finds all distances between bricks anew.
+    pub(crate) fn find_distances(&mut self) {
+        self.lower(0);
+    }
+
     /// Lowers all codes by `codes`, and finds all distances anew: along each axis in turn, the larger of how far to go and
     /// of what is known there.
     fn lower(&mut self, codes: u8) {
@@ -194,8 +211,9 @@ impl DensityGrid {
             // Not by `get`: compilers make vectors of what nobody else can read meanwhile.
             let lowered = cells.iter_mut().map(|cell| {
                 let cell = cell.get_mut();
-                *cell = cell.saturating_sub(codes);
-                *cell
+                let hidden = *cell == HIDDEN;
+                *cell = if hidden { HIDDEN } else { cell.saturating_sub(codes) };
+                if hidden { 0 } else { *cell }
             });
             let largest = lowered.fold(0, u8::max);
             *distance.get_mut() = if optical[usize::from(largest)] != 0.0 { 0 } else { FARTHEST };
@@ -224,7 +242,7 @@ fn code(density: f32) -> u8 {
     // To the nearest. Neither -0.0 nor what is not a number is above zero.
     let density = if density > 0.0 { density } else { 0.0 };
     let kept = (density.to_bits() + (1 << (DROPPED_BITS - 1))) >> DROPPED_BITS;
-    kept.saturating_sub(NOTHING).min(255) as u8
+    kept.saturating_sub(NOTHING).min(u32::from(HIDDEN) - 1) as u8
 }
 
 #[cfg(test)]

@@ -15,6 +15,7 @@ use relight_field::engine::{
 use relight_field::parameters::{FieldConfig, Parameters};
 use relight_field::random::Random;
 use relight_field::sampling::{EngineConfig, Sampling, Shading};
+use relight_scene::Frustum;
 
 use crate::adam::Adam;
 use crate::dense::has_fixed_point;
@@ -165,6 +166,10 @@ impl Engine for CpuEngine {
                 self.density.observe(cell, density);
             }
         }
+    }
+
+    fn set_views(&mut self, views: &[Frustum]) {
+        self.density.hide_unseen(&self.cube, views);
     }
 
     fn stages(&self) -> Vec<(&'static str, StageCost)> {

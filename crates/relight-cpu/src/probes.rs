@@ -118,7 +118,9 @@ impl<'a> Probes<'a> {
                     let before_light = here.t[span].iter().zip(steps).filter(|(t, _)| **t < lengths[ray]);
                     // The last sample is the box's face, which shades nothing.
                     let passed = before_light.take(here.samples - 1);
-                    let optical: f32 = passed.map(|(_, (density, length))| density * length).sum();
+                    let (origin, direction) = (rays.origins[ray], rays.directions[ray]);
+                    let known = passed.filter(|(t, _)| marcher.has_in_view(along(origin, direction, **t)));
+                    let optical: f32 = known.map(|(_, (density, length))| density * length).sum();
                     transmittance[shaded[ray]] = (-optical).exp();
                 }
             }

@@ -66,6 +66,11 @@ impl<'a> Marcher<'a> {
     pub fn guide(&self) -> Guide<'a> {
         Guide { simd: self.simd, density: self.density, cube: self.cube }
     }
+
+    /// Whether photographs have a place in the box in view.
+    pub fn has_in_view(&self, place: [f32; 3]) -> bool {
+        !self.density.is_hidden(self.density.cell(self.cube.map(place)))
+    }
 }
 
 /// Samples of rays that one thread looks along. Tile `i` holds rays `i * tile_rays` and following; the columns of its samples are

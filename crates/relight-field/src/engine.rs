@@ -6,6 +6,8 @@
 
 use std::collections::BTreeMap;
 
+use relight_scene::Frustum;
+
 use crate::parameters::Parameters;
 
 /// Rays in the world frame.
@@ -221,6 +223,12 @@ pub trait Engine: Send {
     /// for placing samples; engines that need none ignore it.
     fn expect_surfaces(&mut self, points: &[[f32; 3]]) {
         let _ = points;
+    }
+
+    /// Tells the engine what the cameras of its training have in view. Of all else nothing can be learnt; engines that would make
+    /// something up may leave it empty.
+    fn set_views(&mut self, views: &[Frustum]) {
+        let _ = views;
     }
 
     /// What each stage of the training steps so far cost, by name and in the order of a step; empty for engines that do

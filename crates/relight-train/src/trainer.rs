@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use relight_field::engine::{Engine, EngineError, RayBatch, StepStats};
 use relight_field::parameters::Parameters;
 use relight_field::weights_file;
-use relight_scene::{Bounds, PixelStore, Scene, Splits};
+use relight_scene::{Bounds, Frustum, PixelStore, Scene, Splits};
 use relight_stereo::DepthPrior;
 
 use crate::TrainError;
@@ -145,6 +145,8 @@ impl<'a> Trainer<'a> {
                 }
             }
             None => {
+                let cameras = (0..data.pixels.views()).map(|v| &data.scene.cameras[data.pixels.camera(v)]);
+                engine.set_views(&cameras.map(Frustum::of).collect::<Vec<_>>());
                 if let Some(prior) = data.depths {
                     engine.expect_surfaces(&prior.points);
                 }

@@ -5,13 +5,16 @@
 
 mod common;
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use common::{Data, FakeEngine, config, tiny_scene};
 use relight_field::parameters::Parameters;
 use relight_field::weights_file;
+use relight_scene::Frustum;
 use relight_train::checkpoint::Checkpoint;
 use relight_train::run::{RunConfig, RunFolder};
 use relight_train::trainer::{Ending, Event, Outcome, Trainer, TrainingData};
@@ -71,7 +74,14 @@ fn a_run_leaves_what_it_promises() {
     let root = folder.path().join("run");
     let run = RunFolder::create(&root, &config).unwrap();
     let mut events = Vec::new();
-    let outcome = train(&data, &run, &config, FakeEngine::new(&config), u64::MAX, &mut events).unwrap();
+    let engine = FakeEngine::new(&config);
+    let views = Arc::clone(&engine.views);
+    let outcome = train(&data, &run, &config, engine, u64::MAX, &mut events).unwrap();
+    // The engine was told what training cameras have in view, and only they.
+    let frames = data.splits.train.iter().map(|&frame| data.scene.frames[frame].camera);
+    let cameras: BTreeSet<usize> = frames.collect();
+    let told: Vec<Frustum> = cameras.iter().map(|&camera| Frustum::of(&data.scene.cameras[camera])).collect();
+    assert!(cameras.len() < data.scene.cameras.len() && *views.lock().unwrap() == told);
     assert_eq!(outcome.ending, Ending::Budget);
     assert_eq!((outcome.standing.step, outcome.standing.rays, outcome.standing.pixels), (10, 320, 960));
     let reports: Vec<&String> = events.iter().filter(|e| e.starts_with("report")).collect();

@@ -16,7 +16,7 @@ use relight_field::parameters::{FieldConfig, GridConfig, Parameters};
 use relight_field::random::Random;
 use relight_field::reference::RaySamples;
 use relight_field::sampling::Shading;
-use relight_scene::Bounds;
+use relight_scene::{Bounds, Camera, Frustum, Intrinsics, Pose};
 
 pub const BOUNDS: Bounds = Bounds { lo: [-0.5, -0.4, 0.0], hi: [0.5, 0.4, 0.7] };
 pub const SHADINGS: [Shading; 2] = [Shading::Deferred, Shading::PerSample];
@@ -133,6 +133,16 @@ impl Parts {
             search: false,
         }
     }
+}
+
+/// What a camera at `position` has in view that looks at a target: twice `tangent` of its distance from top to bottom, and a third more
+/// from side to side.
+pub fn view(position: [f64; 3], target: [f64; 3], tangent: f64) -> Frustum {
+    let focal = 15.0 / tangent;
+    let (width, height) = (40, 30);
+    let intrinsics =
+        Intrinsics { width, height, fx: focal, fy: focal, cx: 19.5, cy: 14.5, distortion: Vec::new() };
+    Frustum::of(&Camera { label: 0, intrinsics, pose: Pose::look_at(position, target) })
 }
 
 pub fn coded(lights: &[LightPose]) -> Vec<CodedLight> {

@@ -6,11 +6,13 @@ use relight_cpu::march::along;
 use relight_cpu::probes::Probes;
 use relight_cpu::samples::{Jitter, Marcher, SampleBatch};
 use relight_cpu::shade::CodedLight;
+use relight_cpu::stages::Clock;
 use relight_cpu::tile::Workspace;
 use relight_field::architecture::V5;
-use relight_field::engine::Rays;
+use relight_field::engine::{LightPose, Rays};
 use relight_field::random::Random;
 use relight_field::sampling::Sampling;
+use relight_scene::Frustum;
 
 use crate::common::*;
 
@@ -28,9 +30,18 @@ fn transmittance(
     workspace.look(marcher.simd, marcher.networks, &samples.tile(marcher, rays, 0));
     let ends = rays.origins.iter().zip(&rays.directions).zip(&workspace.depths);
     let points: Vec<_> = ends.map(|((&o, &d), &depth)| along(o, d, depth)).collect();
+    from_points(marcher, &points, lights)
+}
+
+/// Traces the shadow rays to lights from points, as many from each.
+fn from_points(marcher: &Marcher<'_>, points: &[[f32; 3]], lights: &[CodedLight]) -> Vec<f32> {
     let (mut memory, jitter) = (SampleBatch::default(), Jitter(Some(Random::new(1, 0))));
-    let clock = &mut workspace.clock;
-    Probes::trace(marcher, &points, lights, None, &mut memory, jitter, clock).transmittance
+    Probes::trace(marcher, points, lights, None, &mut memory, jitter, &mut Clock::default()).transmittance
+}
+
+/// A light at a place.
+fn lamp([x, y, z]: [f32; 3]) -> LightPose {
+    LightPose([1.0, 0.0, 0.0, x, 0.0, 1.0, 0.0, y, 0.0, 0.0, 1.0, z])
 }
 
 /// Share of a lamp that passes through fog to where a ray ends, and the height of that place.
@@ -49,9 +60,7 @@ fn through_fog(density: f32, lamp: [f32; 3]) -> (f32, f32) {
     samples.fill(&marcher, &rays, Sampling::Guided { samples: 200 }, 2, jitter);
     let depth = 0.5 + (1.0 - (-FOG * 0.7f32).exp()) / FOG;
     let point = [0.1, 0.1, 1.2 - depth];
-    let light = coded(&[relight_field::engine::LightPose([
-        1.0, 0.0, 0.0, lamp[0], 0.0, 1.0, 0.0, lamp[1], 0.0, 0.0, 1.0, lamp[2],
-    ])]);
+    let light = coded(&[self::lamp(lamp)]);
     (transmittance(&marcher, &rays, &samples, &light)[0], point[2])
 }
 
@@ -74,6 +83,28 @@ fn nothing_dims_a_lamp_where_the_density_grid_knows_of_nothing() {
     assert_eq!(through_fog(0.0, [0.1, 0.1, 3.0]).0, 1.0);
 }
 
+/// Fog that no camera has in view: one looks from the side, up to 0.55 m there where the lamp shines down.
+#[test]
+fn what_no_photograph_shows_dims_nothing() {
+    let mut parameters = field(V5);
+    parameters.table.fill(0.0);
+    let point = [0.1, 0.1, 0.3];
+    let fog_above = |views: &[Frustum]| {
+        let mut parts = Parts::new(&parameters);
+        parts.density = DensityGrid::uniform(&BOUNDS, 16, FOG);
+        parts.density.hide_unseen(&parts.cube, views);
+        let arrived = from_points(&parts.marcher(Level::new()), &[point], &coded(&[lamp([0.1, 0.1, 3.0])]));
+        -arrived[0].ln() / FOG
+    };
+    let [ahead, up] = [[0.1, 0.1, 0.3], [-3.0, 0.1, 9.0]].map(|at| view([-3.0, 0.1, 0.3], at, 0.25 / 3.1));
+    let start = 0.3 + 1.5 * 0.7 / 16.0;
+    // A cell counts as in view if a sphere around it is.
+    let cell = 0.7 / 16.0;
+    let seen = fog_above(&[up, ahead]);
+    assert!((0.55 - cell..0.55 + 2.0 * cell).contains(&(start + seen)), "{seen}");
+    assert_eq!(fog_above(&[up]), 0.0);
+}
+
 /// Two rays that end at different heights, each with a lamp just below the roof and one far above.
 #[test]
 fn every_probe_of_a_ray_has_a_shadow_ray_of_its_own() {
@@ -93,11 +124,7 @@ fn every_probe_of_a_ray_has_a_shadow_ray_of_its_own() {
         [[0.1, 0.1, 0.7 - (1.0 - (-FOG * 0.7f32).exp()) / FOG], [(1.0 - (-FOG).exp()) / FOG - 0.5, 0.1, 0.5]];
     let heights = [0.6, 3.0];
     let lamps = points.iter().flat_map(|p| heights.map(|z| [p[0], p[1], z]));
-    let poses: Vec<_> = lamps
-        .map(|[x, y, z]| {
-            relight_field::engine::LightPose([1.0, 0.0, 0.0, x, 0.0, 1.0, 0.0, y, 0.0, 0.0, 1.0, z])
-        })
-        .collect();
+    let poses: Vec<_> = lamps.map(lamp).collect();
     let transmittance = transmittance(&marcher, &rays, &samples, &coded(&poses));
     let gap = 1.5 * 0.7 / 16.0;
     for (probe, pose) in poses.iter().enumerate() {

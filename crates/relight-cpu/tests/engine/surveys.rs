@@ -10,7 +10,7 @@ use relight_field::engine::{Engine, Points, StepSettings};
 use relight_field::random::Random;
 use relight_field::sampling::{EngineConfig, Sampling};
 
-use crate::common::{BOUNDS, Parts, batch, field, lights};
+use crate::common::{BOUNDS, Parts, batch, field, lights, view};
 use crate::steps::{guided, settings};
 
 /// A grid of `resolution` cells an axis, empty but for a dense first cell, after a survey of one of each `of` cells.
@@ -77,6 +77,40 @@ fn steps_survey_when_nothing_is_searched_for() {
     assert!(known(true, &[255]).len() < 200 && known(false, &[254]).len() < 200);
     let (one, both) = (known(false, &[255]), known(false, &[255, 511]));
     assert!(one.len() > 100_000 && both.len() > one.len() * 9 / 5, "{} {}", one.len(), both.len());
+}
+
+/// What the training's cameras do not have in view stays empty, whatever the field holds there.
+#[test]
+fn nothing_is_known_of_what_no_camera_has_in_view() {
+    let mut engine = CpuEngine::new(&field(V5), guided(12)).unwrap();
+    engine.set_views(&[view([-3.0, 0.1, 0.3], [0.1, 0.1, 0.3], 0.25 / 3.1)]);
+    // Of hidden cells the guide says so by the largest code.
+    let hidden =
+        |engine: &CpuEngine| -> Vec<bool> { engine.guide().iter().map(|&code| code == 255).collect() };
+    let before = hidden(&engine);
+    let share = before.iter().filter(|&&hidden| hidden).count() as f64 / before.len() as f64;
+    // Of 0.8 x 0.7 m it sees 0.67 x 0.5 m in the middle.
+    assert!((0.3..0.5).contains(&share), "{share}");
+    engine.expect_surfaces(&[[0.0, 0.1, 0.01], [0.1, 0.1, 0.3]]);
+    engine.train_step(&batch(8, 2), &StepSettings { search: false, ..settings(255) }).unwrap();
+    engine.survey();
+    let mut resumed = CpuEngine::new(&field(V5), guided(12)).unwrap();
+    resumed.restore(&engine.parameters().unwrap(), &engine.state().unwrap()).unwrap();
+    resumed.survey();
+    for engine in [engine, resumed] {
+        assert!(hidden(&engine) == before);
+        assert!(engine.guide().iter().all(|&code| code > 0), "all else is surveyed");
+    }
+}
+
+/// A survey looks at no cell that no camera has in view.
+#[test]
+fn surveys_leave_out_what_no_camera_has_in_view() {
+    let mut parts = Parts::new(&field(V5));
+    parts.density.hide_unseen(&parts.cube, &[view([-3.0, 0.1, 0.3], [0.1, 0.1, 0.3], 0.25 / 3.1)]);
+    let seen = (0..16usize.pow(3)).filter(|&cell| !parts.density.is_hidden(cell)).count();
+    let cost = parts.marcher(Level::new()).survey(1, Random::new(0, 0));
+    assert!((1..4000).contains(&seen) && cost.updates == seen as f64, "{seen} {}", cost.updates);
 }
 
 #[test]

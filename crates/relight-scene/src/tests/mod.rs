@@ -6,6 +6,7 @@ mod cameras;
 mod checks;
 mod conventions;
 mod drawing;
+mod frusta;
 mod hostile;
 mod images;
 mod parsers;

@@ -4,11 +4,12 @@
 
 use std::ops::ControlFlow;
 use std::path::Path;
+use std::sync::{Arc, Mutex};
 
 use relight_capture::virtual_rig::VirtualCapture;
 use relight_field::engine::*;
 use relight_field::parameters::{GridConfig, Parameters};
-use relight_scene::{PixelStore, Scene, Splits, scene_bounds};
+use relight_scene::{Frustum, PixelStore, Scene, Splits, scene_bounds};
 use relight_train::recipe::Recipe;
 use relight_train::run::{FORMAT, RunConfig, splits_fingerprint};
 use relight_train::schedule::Budget;
@@ -63,12 +64,14 @@ pub struct FakeEngine {
     steps_taken: u32,
     /// Step at which the loss is not a number.
     pub broken_at: Option<u64>,
+    /// What it was told that cameras have in view.
+    pub views: Arc<Mutex<Vec<Frustum>>>,
 }
 
 impl FakeEngine {
     pub fn new(config: &RunConfig) -> Self {
         let parameters = Parameters::init(config.field().unwrap(), u64::from(config.seed)).unwrap();
-        Self { parameters, steps_taken: 0, broken_at: None }
+        Self { parameters, steps_taken: 0, broken_at: None, views: Arc::default() }
     }
 }
 
@@ -94,6 +97,10 @@ impl Engine for FakeEngine {
             samples: 0,
             depth_spread: 0.5,
         })
+    }
+
+    fn set_views(&mut self, views: &[Frustum]) {
+        *self.views.lock().unwrap() = views.to_vec();
     }
 
     fn render(
