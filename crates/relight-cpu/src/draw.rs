@@ -37,32 +37,49 @@ pub fn draw(
     if rays.directions.len() != n {
         return Err(EngineError::Shape("origins and directions differ in number".into()));
     }
-    let blocks: Vec<Samples> = (0..n.div_ceil(BLOCK_RAYS))
-        .into_par_iter()
-        .with_max_len(1)
-        .map(|block| {
-            memories.with(DrawMemory::default, |memory| {
-                let range = block * BLOCK_RAYS..((block + 1) * BLOCK_RAYS).min(n);
-                memory.rays.origins.clear();
-                memory.rays.origins.extend_from_slice(&rays.origins[range.clone()]);
-                memory.rays.directions.clear();
-                memory.rays.directions.extend_from_slice(&rays.directions[range]);
-                match shading {
-                    Shading::Deferred => draw_deferred(marcher, memory, sampling, light, outputs),
-                    Shading::PerSample => draw_per_sample(marcher, memory, sampling, light, outputs),
-                }
-            })
-        })
-        .collect();
-    let mut all = Samples::default();
-    for block in blocks {
-        all.colour.extend(block.colour);
-        all.visibility.extend(block.visibility);
-        all.reflectance.extend(block.reflectance);
-        all.depth.extend(block.depth);
-        all.opacity.extend(block.opacity);
-    }
+    let mut all = empty(marcher.networks, n, outputs);
+    blocks(&mut all).into_par_iter().enumerate().with_max_len(1).for_each(|(number, block)| {
+        memories.with(DrawMemory::default, |memory| {
+            let first = number * BLOCK_RAYS;
+            let range = first..first + block.colour.len();
+            memory.rays.origins.clear();
+            memory.rays.origins.extend_from_slice(&rays.origins[range.clone()]);
+            memory.rays.directions.clear();
+            memory.rays.directions.extend_from_slice(&rays.directions[range]);
+            match shading {
+                Shading::Deferred => draw_deferred(marcher, memory, sampling, light, block),
+                Shading::PerSample => draw_per_sample(marcher, memory, sampling, light, block),
+            }
+        });
+    });
     Ok(all)
+}
+
+/// What a block of rays shows: black so far. Maps that nobody wants are empty.
+struct Block<'a> {
+    colour: &'a mut [[f32; 3]],
+    visibility: &'a mut [f32],
+    reflectance: &'a mut [[f32; 3]],
+    depth: &'a mut [f32],
+    opacity: &'a mut [f32],
+}
+
+/// Shares out what rays show.
+fn blocks(all: &mut Samples) -> Vec<Block<'_>> {
+    let blocks = all.colour.len().div_ceil(BLOCK_RAYS);
+    let mut visibility = all.visibility.chunks_mut(BLOCK_RAYS);
+    let mut reflectance = all.reflectance.chunks_mut(BLOCK_RAYS);
+    let always = all.colour.chunks_mut(BLOCK_RAYS).zip(all.depth.chunks_mut(BLOCK_RAYS));
+    let always = always.zip(all.opacity.chunks_mut(BLOCK_RAYS));
+    let mut shared = Vec::with_capacity(blocks);
+    shared.extend(always.map(|((colour, depth), opacity)| Block {
+        colour,
+        visibility: visibility.next().unwrap_or_default(),
+        reflectance: reflectance.next().unwrap_or_default(),
+        depth,
+        opacity,
+    }));
+    shared
 }
 
 /// Memory of one thread, reused from block to block and from picture to picture.
@@ -85,8 +102,8 @@ fn draw_deferred(
     memory: &mut DrawMemory,
     sampling: Sampling,
     light: &CodedLight,
-    outputs: Outputs,
-) -> Samples {
+    mut block: Block<'_>,
+) {
     let DrawMemory { rays, samples, seen } = memory;
     let n = rays.origins.len();
     samples.enter(marcher, rays, sampling, tile_rays(sampling));
@@ -94,9 +111,10 @@ fn draw_deferred(
     let last = |ray| samples.t[samples.columns_of(ray).end - 1];
     let inside = |ray: usize| 1.0 - seen.transmittance[ray];
     let shares = |ray| deferred::shares(inside(ray), seen.transmittance[ray]);
-    let mut results = empty(marcher.networks, n, outputs);
-    results.depth.extend((0..n).map(|ray| seen.depths[ray] + seen.transmittance[ray] * last(ray)));
-    results.opacity.extend((0..n).map(inside));
+    for ray in 0..n {
+        block.depth[ray] = seen.depths[ray] + seen.transmittance[ray] * last(ray);
+        block.opacity[ray] = inside(ray);
+    }
     // Rays, and for their last samples the number among those that show.
     let inner = (0..n).filter(|&ray| shares(ray).0 > 0.0).map(|ray| (ray, None));
     let outer = seen.faces.iter().enumerate().map(|(face, &ray)| (ray, Some(face)));
@@ -119,10 +137,9 @@ fn draw_deferred(
                 }));
             }
             shader.forward(marcher.simd, marcher.networks, &rays.directions, 1, |_, _| light);
-            add_up(shader, 0, &mut results);
+            add_up(shader, 0, &mut block);
         }
     });
-    results
 }
 
 /// Decodes a colour at every sample that weighs something.
@@ -131,26 +148,25 @@ fn draw_per_sample(
     memory: &mut DrawMemory,
     sampling: Sampling,
     light: &CodedLight,
-    outputs: Outputs,
-) -> Samples {
+    mut block: Block<'_>,
+) {
     let DrawMemory { rays, samples: batch, .. } = memory;
     batch.fill(marcher, rays, sampling, tile_rays(sampling), Jitter(None));
-    let mut results = empty(marcher.networks, rays.origins.len(), outputs);
     marcher.workspaces.with(Workspace::default, |workspace| {
         for tile in 0..batch.tiles(rays) {
             let here = batch.tile(marcher, rays, tile);
             workspace.forward(marcher.simd, marcher.networks, Shading::PerSample, &here, 1, |_, _| light);
-            let first = results.depth.len();
-            results.depth.extend(&workspace.depths);
-            let last = |r: usize| workspace.weights[(r + 1) * here.samples - 1];
-            results.opacity.extend((0..here.origins.len()).map(|r| 1.0 - last(r)));
-            add_up(&workspace.shader, first, &mut results);
+            let first = batch.range(rays, tile).start;
+            for (r, depth) in workspace.depths.iter().enumerate() {
+                block.depth[first + r] = *depth;
+                block.opacity[first + r] = 1.0 - workspace.weights[(r + 1) * here.samples - 1];
+            }
+            add_up(&workspace.shader, first, &mut block);
         }
     });
-    results
 }
 
-/// What `n` rays show, to be added up: black so far, and without depths and opacities.
+/// What `n` rays show, to be added up: black so far.
 fn empty(networks: &Networks, n: usize, outputs: Outputs) -> Samples {
     let visibility = if outputs.visibility && networks.vis.is_some() { n } else { 0 };
     let reflectance = if outputs.reflectance { n } else { 0 };
@@ -158,21 +174,22 @@ fn empty(networks: &Networks, n: usize, outputs: Outputs) -> Samples {
         colour: vec![[0.0; 3]; n],
         visibility: vec![0.0; visibility],
         reflectance: vec![[0.0; 3]; reflectance],
-        ..Samples::default()
+        depth: vec![0.0; n],
+        opacity: vec![0.0; n],
     }
 }
 
 /// Adds the points of a shader to what their rays show, which are numbered from `first` on.
-fn add_up(shader: &Shader, first: usize, results: &mut Samples) {
+fn add_up(shader: &Shader, first: usize, block: &mut Block<'_>) {
     let columns = shader.columns();
     for (q, point) in shader.points.iter().enumerate() {
         let (ray, visibility) = (first + point.ray, shader.visibility[q]);
         let reflectance = [0, 1, 2].map(|c| point.weight * shader.colour[c * columns + q]);
-        results.colour[ray].iter_mut().zip(reflectance).for_each(|(sum, c)| *sum += visibility * c);
-        if let Some(sum) = results.visibility.get_mut(ray) {
+        block.colour[ray].iter_mut().zip(reflectance).for_each(|(sum, c)| *sum += visibility * c);
+        if let Some(sum) = block.visibility.get_mut(ray) {
             *sum += point.weight * visibility;
         }
-        if let Some(sum) = results.reflectance.get_mut(ray) {
+        if let Some(sum) = block.reflectance.get_mut(ray) {
             sum.iter_mut().zip(reflectance).for_each(|(sum, c)| *sum += c);
         }
     }

@@ -16,7 +16,6 @@ use relight_field::engine::Rays;
 use relight_field::sampling::Sampling;
 
 use crate::aligned::Aligned;
-use crate::deferred::NEGLIGIBLE;
 use crate::dense::{COLUMN_ALIGN, padded};
 use crate::exponential::exponentials;
 use crate::hash_grid::{TiledPositions, set_position};
@@ -24,6 +23,8 @@ use crate::march::along;
 use crate::samples::{Marcher, SampleBatch};
 use crate::tile::Workspace;
 
+/// A ray of which no more than this passes is at its end: what little there is, its last sample takes (as instant-ngp draws pictures).
+const LITTLE: f32 = 0.01;
 /// Samples of a ray that are evaluated together.
 const TOGETHER: usize = 4;
 /// Rays whose samples make a tile: whole vectors of rays.
@@ -156,7 +157,7 @@ impl FrontToBack {
                         if sample + 1 == batch.samples && batch.leaves(ray) {
                             // It stands for all that lies beyond.
                             after = before;
-                        } else if after <= NEGLIGIBLE {
+                        } else if after <= LITTLE {
                             // The ray is at its end, and this sample takes the rest.
                             after = 0.0;
                         }

@@ -12,7 +12,7 @@ use crate::rays::camera_rays;
 
 /// Rays handed to the engine at once: enough to keep all cores busy, few enough to bound memory and to report
 /// progress often.
-const BATCH: usize = 1 << 15;
+const BATCH: usize = 1 << 17;
 /// Limits of a picture.
 const LONGEST_SIDE: u32 = 1 << 14;
 const MOST_PIXELS: usize = 1 << 26;
@@ -94,19 +94,23 @@ impl Picture {
             return Err(EngineError::Shape("the engine did not answer every ray once".to_owned()).into());
         }
         let all = self.width as usize * self.height as usize;
-        put_map(&mut self.colour, all, pixels, &samples.colour);
-        put_map(&mut self.visibility, all, pixels, &samples.visibility);
-        put_map(&mut self.reflectance, all, pixels, &samples.reflectance);
-        put_map(&mut self.depth, all, pixels, &samples.depth);
-        put_map(&mut self.opacity, all, pixels, &samples.opacity);
+        let Self { colour, visibility, reflectance, depth, opacity, .. } = self;
+        rayon::scope(|scope| {
+            scope.spawn(|_| put_map(colour, all, pixels, &samples.colour));
+            scope.spawn(|_| put_map(visibility, all, pixels, &samples.visibility));
+            scope.spawn(|_| put_map(reflectance, all, pixels, &samples.reflectance));
+            scope.spawn(|_| put_map(depth, all, pixels, &samples.depth));
+            scope.spawn(|_| put_map(opacity, all, pixels, &samples.opacity));
+        });
         Ok(())
     }
 }
 
 /// Puts values in their pixels of a map of `all` pixels, if there are values.
-fn put_map<T: Copy + Default>(map: &mut Vec<T>, all: usize, pixels: &[usize], values: &[T]) {
-    if !values.is_empty() {
-        map.resize(all, T::default());
+fn put_map<T: Copy + Default + Send>(map: &mut Vec<T>, all: usize, pixels: &[usize], values: &[T]) {
+    if map.is_empty() && !values.is_empty() {
+        // Zeros come from the system, which is faster than writing them.
+        *map = vec![T::default(); all];
     }
     for (&pixel, &value) in pixels.iter().zip(values) {
         map[pixel] = value;

@@ -25,5 +25,5 @@ pub fn camera_rays(
             d.map(|c| (c / length) as f32)
         })
         .collect();
-    Rays { origins: vec![origin; directions.len()], directions }
+    Rays { origins: rayon::iter::repeat_n(origin, directions.len()).collect(), directions }
 }

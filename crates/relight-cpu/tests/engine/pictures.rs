@@ -206,7 +206,7 @@ fn all_outputs_approach_the_plain_engines() {
 fn reflectance_times_visibility_is_the_colour_of_deferred_rays_that_show_one_point() {
     let mut parameters = field(V5);
     // Some rays end inside the box, some beyond.
-    parameters.config.density_scale *= 8.0;
+    parameters.config.density_scale *= 4.0;
     let engine = CpuEngine::new(&parameters, config(SAMPLING, Shading::Deferred)).unwrap();
     let outputs = Outputs { visibility: true, reflectance: true };
     // More rays than are marched together.
