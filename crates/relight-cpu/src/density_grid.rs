@@ -19,13 +19,13 @@ const _: () = assert!(BRICK.is_power_of_two());
 const DROPPED_BITS: u32 = 20;
 /// What stands for nothing at all, in those bits that stay: 1/64 per metre.
 const NOTHING: u32 = (127 - 6) << 3;
-/// Code of a cell that stays empty for ever. No density has it.
-const HIDDEN: u8 = 255;
+/// Code of a cell that stays empty for ever. No density has it, and none is above it: nothing raises such a cell.
+pub(crate) const HIDDEN: u8 = 255;
 
 /// Densities on a regular grid of cells over the field's box.
 ///
 /// A cell is one byte, a floating-point number with five bits of exponent and three of mantissa, so that the grid stays in
-/// cache; forgetting is subtraction. Any number of threads may show it densities at once: cells only rise, and so come out the
+/// cache, or the mark of one that stays empty for ever; forgetting is subtraction. Any number of threads may show it densities at once: cells only rise, and so come out the
 /// same in any order.
 /// Cells are stored brick by brick, so that a ray meets few cache lines, and each brick knows how far the nearest brick is in
 /// which something is, so that rays step over all that is empty.

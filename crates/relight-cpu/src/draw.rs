@@ -66,20 +66,18 @@ struct Block<'a> {
 
 /// Shares out what rays show.
 fn blocks(all: &mut Samples) -> Vec<Block<'_>> {
-    let blocks = all.colour.len().div_ceil(BLOCK_RAYS);
     let mut visibility = all.visibility.chunks_mut(BLOCK_RAYS);
     let mut reflectance = all.reflectance.chunks_mut(BLOCK_RAYS);
     let always = all.colour.chunks_mut(BLOCK_RAYS).zip(all.depth.chunks_mut(BLOCK_RAYS));
     let always = always.zip(all.opacity.chunks_mut(BLOCK_RAYS));
-    let mut shared = Vec::with_capacity(blocks);
-    shared.extend(always.map(|((colour, depth), opacity)| Block {
+    let blocks = always.map(|((colour, depth), opacity)| Block {
         colour,
         visibility: visibility.next().unwrap_or_default(),
         reflectance: reflectance.next().unwrap_or_default(),
         depth,
         opacity,
-    }));
-    shared
+    });
+    blocks.collect()
 }
 
 /// Memory of one thread, reused from block to block and from picture to picture.

@@ -23,7 +23,7 @@ use crate::march::along;
 use crate::samples::{Marcher, SampleBatch};
 use crate::tile::Workspace;
 
-/// A ray of which no more than this passes is at its end: what little there is, its last sample takes (as instant-ngp draws pictures).
+/// A ray of which no more than this passes is at its end, in pictures: what little there is, its last sample takes (as in instant-ngp).
 const LITTLE: f32 = 0.01;
 /// Samples of a ray that are evaluated together.
 const TOGETHER: usize = 4;

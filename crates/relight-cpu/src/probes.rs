@@ -119,6 +119,7 @@ impl<'a> Probes<'a> {
                     // The last sample is the box's face, which shades nothing.
                     let passed = before_light.take(here.samples - 1);
                     let (origin, direction) = (rays.origins[ray], rays.directions[ray]);
+                    // What the field holds elsewhere is chance.
                     let known = passed.filter(|(t, _)| marcher.has_in_view(along(origin, direction, **t)));
                     let optical: f32 = known.map(|(_, (density, length))| density * length).sum();
                     transmittance[shaded[ray]] = (-optical).exp();

@@ -3,7 +3,7 @@
 
 use relight_field::engine::{EngineError, EngineState, StateTensor};
 
-use crate::density_grid::DensityGrid;
+use crate::density_grid::{DensityGrid, HIDDEN};
 use crate::experience::{Experience, Fading};
 use crate::hash_grid::HashGrid;
 use crate::moments::Moments;
@@ -11,6 +11,11 @@ use crate::soap::ARRAYS;
 
 /// Names of the networks, in the order of their moments.
 const NETWORKS: [&str; 3] = ["geo", "rgb", "vis"];
+
+/// Cells of the density grid.
+const CELLS: &str = "density.cells";
+/// The same in checkpoints of before some were [`HIDDEN`], whose code stood for a density then.
+const CELLS_BEFORE: &str = "density";
 
 /// The state of an engine made of these parts.
 pub fn save(
@@ -38,7 +43,7 @@ pub fn save(
     let means = [shadow, imagined, field].into_iter().flat_map(|mean| [mean.sum, mean.count]);
     let means = means.chain([least]).collect();
     state.insert("probes".into(), StateTensor::F32(means));
-    state.insert("density".into(), StateTensor::U8(density.cells()));
+    state.insert(CELLS.into(), StateTensor::U8(density.cells()));
     state
 }
 
@@ -97,8 +102,12 @@ pub fn load(
     let &[shadow, imagined, field] = means else { return Err(missing("probes")) };
     let [shadow, imagined, field] = [shadow, imagined, field].map(|[sum, count]| Fading { sum, count });
     *experience = Experience { shadow, imagined, field, least };
-    match state.get("density") {
-        Some(StateTensor::U8(cells)) if density.set_cells(cells) => Ok(()),
-        _ => Err(missing("density")),
-    }
+    let fits = match (state.get(CELLS), state.get(CELLS_BEFORE)) {
+        (Some(StateTensor::U8(cells)), _) => density.set_cells(cells),
+        (None, Some(StateTensor::U8(cells))) => {
+            density.set_cells(&cells.iter().map(|&cell| cell.min(HIDDEN - 1)).collect::<Vec<u8>>())
+        }
+        _ => false,
+    };
+    if fits { Ok(()) } else { Err(missing(CELLS)) }
 }

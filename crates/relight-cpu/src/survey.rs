@@ -25,9 +25,9 @@ impl Marcher<'_> {
     pub fn survey(&self, of: usize, random: Random) -> StageCost {
         debug_assert!(of.is_power_of_two() && of <= TOGETHER);
         let parts = self.density.resolution().pow(3) / of;
-        let survey = |(cells, positions, features): &mut (Vec<_>, Vec<_>, Aligned), parts: Range<usize>| {
+        let look_at = |(cells, positions, features): &mut (Vec<_>, Vec<_>, Aligned), range: Range<usize>| {
             cells.clear();
-            cells.extend(parts.map(|part| part * of + random.u64_at(part as u64) as usize % of));
+            cells.extend(range.map(|part| part * of + random.u64_at(part as u64) as usize % of));
             cells.retain(|&cell| !self.density.is_hidden(cell));
             if cells.is_empty() {
                 return 0;
@@ -47,10 +47,11 @@ impl Marcher<'_> {
             });
             cells.len()
         };
-        let looks = (0..parts.div_ceil(TOGETHER)).into_par_iter().map_init(Default::default, |memory, i| {
-            survey(memory, i * TOGETHER..parts.min((i + 1) * TOGETHER))
-        });
-        let looks = looks.sum();
+        let looked_at =
+            (0..parts.div_ceil(TOGETHER)).into_par_iter().map_init(Default::default, |memory, i| {
+                look_at(memory, i * TOGETHER..parts.min((i + 1) * TOGETHER))
+            });
+        let looks = looked_at.sum();
         let mut cost = self.grid.encode_cost(looks);
         cost.operations += self.networks.geo.density_operations(looks) as f64;
         StageCost { updates: looks as f64, ..cost }

@@ -225,8 +225,8 @@ pub trait Engine: Send {
         let _ = points;
     }
 
-    /// Tells the engine what the cameras of its training have in view. Of all else nothing can be learnt; engines that would make
-    /// something up may leave it empty.
+    /// Tells the engine all that the cameras of its training have in view. Of all else nothing can be learnt; engines that would make
+    /// something up may leave it empty for ever, or until they take back a guide or a checkpoint that knows nothing of it.
     fn set_views(&mut self, views: &[Frustum]) {
         let _ = views;
     }

@@ -43,7 +43,8 @@ pub enum Shading {
     /// Once a ray and light for what is met inside the box, and once for what lies beyond, from features averaged under
     /// the ray's weights. Inside, over all samples but the last: `h = sum_i w_i h(x_i) / W` with `W = sum_i w_i`,
     /// likewise `e`, and the light's direction at `x = sum_i w_i x_i / W`, through which no gradient flows. Beyond, at the
-    /// last sample. The one counts `W`, the other `1 - W`; where either is at most [`NEGLIGIBLE`], the other is all.
+    /// last sample. The one counts `W`, the other `1 - W`; where either is at most [`NEGLIGIBLE`], the other is all. In pictures an
+    /// engine may leave out up to a hundredth of what lies beyond.
     ///
     /// Averaging both would give features that belong to neither, whose gradient says nothing true of density: holes in
     /// surfaces would grow. (So it is still between two surfaces inside the box.) No colour's gradient reaches what is left

@@ -12,7 +12,7 @@ use crate::rays::camera_rays;
 
 /// Rays handed to the engine at once: enough to keep all cores busy, few enough to bound memory and to report
 /// progress often.
-const BATCH: usize = 1 << 17;
+const BATCH: usize = 1 << 16;
 /// Limits of a picture.
 const LONGEST_SIDE: u32 = 1 << 14;
 const MOST_PIXELS: usize = 1 << 26;
@@ -107,7 +107,7 @@ impl Picture {
 }
 
 /// Puts values in their pixels of a map of `all` pixels, if there are values.
-fn put_map<T: Copy + Default + Send>(map: &mut Vec<T>, all: usize, pixels: &[usize], values: &[T]) {
+fn put_map<T: Copy + Default>(map: &mut Vec<T>, all: usize, pixels: &[usize], values: &[T]) {
     if map.is_empty() && !values.is_empty() {
         // Zeros come from the system, which is faster than writing them.
         *map = vec![T::default(); all];

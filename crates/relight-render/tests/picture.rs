@@ -43,7 +43,7 @@ proptest! {
 
 #[test]
 fn a_picture_in_tiles_is_the_picture_in_one() {
-    let (lens, camera, light) = (lens(300, 150), looking(0.6, 0.3, 0.5), looking(0.4, 1.2, 0.9));
+    let (lens, camera, light) = (lens(300, 250), looking(0.6, 0.3, 0.5), looking(0.4, 1.2, 0.9));
     let engine = Ball::default();
     let mut told = Vec::new();
     let picture = render(&engine, &lens, &camera, &light, EVERYTHING, &SETTINGS, &mut |done, all| {
@@ -52,9 +52,9 @@ fn a_picture_in_tiles_is_the_picture_in_one() {
     })
     .unwrap();
     assert!(told.len() > 1, "more than one batch");
-    assert_eq!(told.last(), Some(&(45_000, 45_000)));
+    assert_eq!(told.last(), Some(&(75_000, 75_000)));
 
-    let rays = camera_rays(&lens, &camera, 0..45_000);
+    let rays = camera_rays(&lens, &camera, 0..75_000);
     let light = LightPose(light.row_major_f32());
     let whole = engine.render(&rays, &light, EVERYTHING, &SETTINGS).unwrap();
     assert_eq!(picture.colour, whole.colour);
@@ -78,7 +78,7 @@ fn drawing_stops_when_told() {
     let mut batches = 0;
     let stopped = render(
         &Ball::default(),
-        &lens(300, 200),
+        &lens(300, 250),
         &Pose::IDENTITY,
         &Pose::IDENTITY,
         Outputs::default(),

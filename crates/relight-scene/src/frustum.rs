@@ -4,8 +4,8 @@ use crate::camera::Camera;
 use crate::pose::Pose;
 use crate::vector::{Vector, dot, unit};
 
-/// Places along each edge of an image at which its directions are looked up: a lens may bend the edge.
-const PLACES: u32 = 64;
+/// Parts of an image, an axis, between which its directions are looked up: a lens may bend its edges, and what lies within.
+const PLACES: u32 = 32;
 
 /// A pyramid of view: all that lies ahead of a camera, between four planes through it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,17 +19,13 @@ impl Frustum {
     /// The smallest around all that a camera's image shows.
     pub fn of(camera: &Camera) -> Self {
         let lens = &camera.intrinsics;
-        let (right, bottom) = (f64::from(lens.width) - 0.5, f64::from(lens.height) - 0.5);
+        let along = |place: u32, pixels: u32| f64::from(place) / f64::from(PLACES) * f64::from(pixels) - 0.5;
         let (mut lo, mut hi) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-        for place in 0..=PLACES {
-            let along = |end: f64| f64::from(place) / f64::from(PLACES) * (end + 0.5) - 0.5;
-            let (u, v) = (along(right), along(bottom));
-            for (u, v) in [(u, -0.5), (u, bottom), (-0.5, v), (right, v)] {
-                let direction = lens.unproject(u, v);
-                for axis in 0..2 {
-                    lo[axis] = lo[axis].min(direction[axis]);
-                    hi[axis] = hi[axis].max(direction[axis]);
-                }
+        for (column, row) in (0..=PLACES).flat_map(|column| (0..=PLACES).map(move |row| (column, row))) {
+            let direction = lens.unproject(along(column, lens.width), along(row, lens.height));
+            for axis in 0..2 {
+                lo[axis] = lo[axis].min(direction[axis]);
+                hi[axis] = hi[axis].max(direction[axis]);
             }
         }
         let normals = [[1.0, 0.0, -lo[0]], [-1.0, 0.0, hi[0]], [0.0, 1.0, -lo[1]], [0.0, -1.0, hi[1]]];

@@ -14,7 +14,9 @@ use crate::TrainError;
 use crate::run::write_whole;
 
 /// Format and version of the file, under `format` in its metadata.
-const FORMAT: &str = "relight-guide-1";
+const FORMAT: &str = "relight-guide-2";
+/// The one before: what the CPU engine keeps empty now, it kept as the largest density.
+const FORMAT_BEFORE: &str = "relight-guide-1";
 /// A guide's longest length, bytes.
 const LONGEST: u64 = 1 << 28;
 /// The one array of the file.
@@ -63,12 +65,16 @@ pub fn load(path: &Path) -> Result<Option<Guide>, TrainError> {
     let (_, metadata) = SafeTensors::read_metadata(&bytes).map_err(|e| broken(e.to_string()))?;
     let told = |key: &str| metadata.metadata().as_ref().and_then(|m| m.get(key)).map_or("", String::as_str);
     let format = told("format");
-    if format != FORMAT {
+    if format != FORMAT && format != FORMAT_BEFORE {
         return Err(broken(format!("format \"{format}\" is unknown, {FORMAT} was expected")));
     }
     let file = SafeTensors::deserialize(&bytes).map_err(|e| broken(e.to_string()))?;
     let array = file.tensor(GUIDE).map_err(|e| broken(e.to_string()))?;
-    Ok(Some(Guide { learnt: array.data().to_vec(), surveyed: told(SURVEYED) == "true" }))
+    let mut learnt = array.data().to_vec();
+    if format == FORMAT_BEFORE {
+        learnt.iter_mut().for_each(|byte| *byte = (*byte).min(254));
+    }
+    Ok(Some(Guide { learnt, surveyed: told(SURVEYED) == "true" }))
 }
 
 #[cfg(test)]
@@ -93,9 +99,16 @@ mod tests {
         let without = String::from_utf8(bytes.clone()).unwrap().replace("surveyed", "anything");
         fs::write(&path, without).unwrap();
         assert_eq!(load(&path).unwrap(), Some(guide(&[1, 2, 3], false)));
+        save(&guide(&[0, 254, 255], true), &path).unwrap();
+        assert_eq!(load(&path).unwrap(), Some(guide(&[0, 254, 255], true)));
+        let mut before = fs::read(&path).unwrap();
+        let at = before.windows(7).position(|window| window == b"guide-2").unwrap();
+        before[at + 6] = b'1';
+        fs::write(&path, before).unwrap();
+        assert_eq!(load(&path).unwrap(), Some(guide(&[0, 254, 254], true)));
         fs::write(&path, &bytes[..bytes.len() - 1]).unwrap();
         assert!(load(&path).unwrap_err().to_string().contains("guide.safetensors"));
-        fs::write(&path, String::from_utf8_lossy(&bytes).replace("guide-1", "guide-9")).unwrap();
+        fs::write(&path, String::from_utf8_lossy(&bytes).replace("guide-2", "guide-9")).unwrap();
         assert!(load(&path).unwrap_err().to_string().contains("guide-9"));
     }
 }

@@ -90,6 +90,11 @@ pub struct TrainingData<'a> {
     pub seconds: f64,
 }
 
+/// What the cameras of training pixels have in view.
+pub fn views(scene: &Scene, pixels: &PixelStore) -> Vec<Frustum> {
+    (0..pixels.views()).map(|view| Frustum::of(&scene.cameras[pixels.camera(view)])).collect()
+}
+
 /// A training under way.
 pub struct Trainer<'a> {
     run: &'a RunFolder,
@@ -145,14 +150,14 @@ impl<'a> Trainer<'a> {
                 }
             }
             None => {
-                let cameras = (0..data.pixels.views()).map(|v| &data.scene.cameras[data.pixels.camera(v)]);
-                engine.set_views(&cameras.map(Frustum::of).collect::<Vec<_>>());
                 if let Some(prior) = data.depths {
                     engine.expect_surfaces(&prior.points);
                 }
                 Standing { seconds: data.seconds, ..Standing::default() }
             }
         };
+        // After a checkpoint too: one of before hides nothing.
+        engine.set_views(&views(data.scene, data.pixels));
         fs::create_dir_all(run.previews()).map_err(TrainError::io(&run.previews()))?;
         Ok(Self {
             metrics: MetricsLog::open(&run.metrics(), standing.metrics_bytes)?,

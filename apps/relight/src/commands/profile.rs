@@ -11,6 +11,7 @@ use relight_field::parameters::Parameters;
 use relight_train::batch::{BatchSampler, LightChoice};
 use relight_train::recipe::Preset;
 use relight_train::schedule::Budget;
+use relight_train::trainer::views;
 use serde::Serialize;
 
 use super::train::{presets, recipe};
@@ -104,6 +105,7 @@ pub fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     };
     let recipe = &config.recipe;
     let mut engine = engines::create(Device::Cpu, &Parameters::init(field, 0)?, config.engine())?;
+    engine.set_views(&views(&data.scene, &data.pixels));
     if let Some(prior) = &data.depths {
         engine.expect_surfaces(&prior.points);
     }

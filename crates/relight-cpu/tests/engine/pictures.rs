@@ -159,6 +159,28 @@ fn rays_that_end_early_look_like_whole_ones() {
     }
 }
 
+/// Fog that lets a little through, and a little more than what counts.
+#[test]
+fn rays_that_let_no_more_than_a_hundredth_through_are_opaque() {
+    let mut rays = Rays::default();
+    rays.origins.push([0.1, 0.1, 1.2]);
+    rays.directions.push([0.0, 0.0, -1.0]);
+    for (left, opaque) in [(0.005f32, true), (0.015, false)] {
+        let mut parameters = field(V5);
+        // Logits of no features are zero: the density is its scale, all of the 0.7 m down.
+        parameters.table.fill(0.0);
+        parameters.config.density_scale = -left.ln() / 0.7;
+        let engine = CpuEngine::new(&parameters, config(SAMPLING, Shading::Deferred)).unwrap();
+        let plain = ReferenceEngine::<f64>::new(&parameters, config(SAMPLING, Shading::Deferred)).unwrap();
+        let [ours, plain] = [&engine as &dyn Engine, &plain].map(|engine| {
+            engine.render(&rays, &lights()[1], Outputs::default(), &plainly(Some(200))).unwrap()
+        });
+        assert_eq!(ours.opacity[0] == 1.0, opaque, "{}", ours.opacity[0]);
+        assert!((ours.opacity[0] - plain.opacity[0]).abs() < 0.01);
+        assert!((0..3).all(|c| (ours.colour[0][c] - plain.colour[0][c]).abs() < 0.01));
+    }
+}
+
 /// Points along rays at which surfaces may be expected, so that rays look on behind the first.
 fn surfaces(rays: &Rays) -> Vec<[f32; 3]> {
     let cube = UnitCube::new(&BOUNDS);

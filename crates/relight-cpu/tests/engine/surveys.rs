@@ -97,6 +97,17 @@ fn nothing_is_known_of_what_no_camera_has_in_view() {
     let mut resumed = CpuEngine::new(&field(V5), guided(12)).unwrap();
     resumed.restore(&engine.parameters().unwrap(), &engine.state().unwrap()).unwrap();
     resumed.survey();
+    // Checkpoints of before hide nothing, and have the code for a density.
+    let mut state = engine.state().unwrap();
+    let cells = state.remove("density.cells").unwrap();
+    state.insert("density".into(), cells);
+    let mut older = CpuEngine::new(&field(V5), guided(12)).unwrap();
+    older.restore(&engine.parameters().unwrap(), &state).unwrap();
+    assert!(older.guide().iter().zip(&before).all(|(&code, &hidden)| if hidden {
+        code == 254
+    } else {
+        code < 254
+    }));
     for engine in [engine, resumed] {
         assert!(hidden(&engine) == before);
         assert!(engine.guide().iter().all(|&code| code > 0), "all else is surveyed");
