@@ -25,8 +25,8 @@ pub(crate) const HIDDEN: u8 = 255;
 /// Densities on a regular grid of cells over the field's box.
 ///
 /// A cell is one byte, a floating-point number with five bits of exponent and three of mantissa, so that the grid stays in
-/// cache, or the mark of one that stays empty for ever; forgetting is subtraction. Any number of threads may show it densities at once: cells only rise, and so come out the
-/// same in any order.
+/// cache, or the mark of one that stays empty for ever; forgetting is subtraction. Any number of threads may show it densities at
+/// once: cells only rise, and so come out the same in any order.
 /// Cells are stored brick by brick, so that a ray meets few cache lines, and each brick knows how far the nearest brick is in
 /// which something is, so that rays step over all that is empty.
 pub struct DensityGrid {

@@ -237,12 +237,14 @@ pub trait Engine: Send {
         Vec::new()
     }
 
-    /// Looks over the whole field for where to place samples, so that what no ray looked at of late is known too. To be called
-    /// before pictures are drawn of weights that will not change; about a second on two cores. Engines that need none ignore it.
+    /// Looks over the whole field, but for what [`Engine::set_views`] left empty, for where to place samples, so that what no ray
+    /// looked at of late is known too. To be called before pictures are drawn of weights that will not change; about a second on two
+    /// cores. Engines that need none ignore it.
     fn survey(&mut self) {}
 
     /// What the engine has learnt of where to place samples, to be kept beside the weights: without it, the field has to
-    /// be surveyed before pictures are drawn, and thin things may be missed. Empty for engines that need none.
+    /// be surveyed before pictures are drawn, thin things may be missed, and what the field made up out of view may show. Empty for
+    /// engines that need none.
     fn guide(&self) -> Vec<u8> {
         Vec::new()
     }

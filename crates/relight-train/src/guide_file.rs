@@ -15,7 +15,7 @@ use crate::run::write_whole;
 
 /// Format and version of the file, under `format` in its metadata.
 const FORMAT: &str = "relight-guide-2";
-/// The one before: what the CPU engine keeps empty now, it kept as the largest density.
+/// The one before: 255, which marks what the CPU engine keeps empty, was its largest density.
 const FORMAT_BEFORE: &str = "relight-guide-1";
 /// A guide's longest length, bytes.
 const LONGEST: u64 = 1 << 28;

@@ -12,3 +12,4 @@ mod repeatability;
 mod samples;
 mod steps;
 mod surveys;
+mod unseen;
