@@ -1,7 +1,9 @@
-//! What photographs tell of probes: how dark shadows are, and how far what is imagined can be trusted.
+//! What photographs tell of probes: what shadows leave of a colour, and how far what is imagined can be trusted.
 //!
 //! Some probes stand where a photograph was taken that their ray is not compared with. What would have been imagined
 //! there is compared with what was seen.
+
+use crate::shadow::Shadow;
 
 /// What must have been seen before its mean says anything.
 const ENOUGH: f32 = 8.0;
@@ -53,11 +55,39 @@ impl Seen {
     }
 }
 
+/// What the photographs of a part of a step tell of probes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Told {
+    /// See [`Experience::shares`].
+    pub shares: [Seen; Shadow::CLASSES],
+    /// See [`Experience::imagined`].
+    pub imagined: Seen,
+}
+
+impl Told {
+    /// A place that would have colour `lit` in the light, so sure, was photographed, and its shadow ray met `shadow`.
+    pub fn see_light(&mut self, shadow: Shadow, (lit, certainty): ([f32; 3], f32), photographed: [f32; 3]) {
+        let dot = |a: [f32; 3], b: [f32; 3]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f32>();
+        let square = dot(lit, lit);
+        if square > 0.0 {
+            let share = dot(photographed, lit) / square;
+            self.shares[shadow.class()].see(f64::from(share), f64::from(square * certainty));
+        }
+    }
+
+    /// All that another part told.
+    pub fn add(&mut self, other: &Self) {
+        self.shares.iter_mut().zip(other.shares).for_each(|(mine, other)| mine.add(other));
+        self.imagined.add(other.imagined);
+    }
+}
+
 /// What photographs told of probes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Experience {
-    /// How bright shadows are beside the same place in the light.
-    pub shadow: Fading,
+    /// What is left of a colour in the light where shadow rays met the like, by least squares, for each
+    /// [class](Shadow::class).
+    pub shares: [Fading; Shadow::CLASSES],
     /// Mean square by which imagined colours miss photographs.
     pub imagined: Fading,
     /// Mean square by which the field misses photographs.
@@ -70,11 +100,23 @@ impl Experience {
     /// What an imagined colour counts beside a photograph, 0..1. Two measurements count inversely to their variance:
     /// the field's error at photographs stands in for that of photographs, since the field shows nothing finer. A rule
     /// of thumb: probes are known only where lights stood, and most stand elsewhere.
-    pub fn trust(self) -> f32 {
+    pub fn trust(&self) -> f32 {
         match self.imagined.mean() {
             Some(imagined) if self.least > 0.0 => (self.least / imagined).min(1.0),
             _ => 0.0,
         }
+    }
+
+    /// What is left of a colour in the light where a shadow ray met this; `None` if nothing is known of the like.
+    pub fn share(&self, shadow: Shadow) -> Option<f32> {
+        let class = shadow.class();
+        self.shares[class].mean().or((class == Shadow::NONE.class()).then_some(1.0))
+    }
+
+    /// Takes in what a step told.
+    pub fn observe(&mut self, told: &Told) {
+        self.shares.iter_mut().zip(told.shares).for_each(|(mean, seen)| mean.observe(seen));
+        self.imagined.observe(told.imagined);
     }
 
     /// Takes in the mean square by which the field missed the photographs of a step.
@@ -101,6 +143,29 @@ mod tests {
             mean.observe(Seen { sum: 0.25, count: 1.0 });
         }
         assert!((mean.mean().unwrap() - 0.25).abs() < 0.01);
+    }
+
+    #[test]
+    fn shares_are_those_that_fit_photographs_best() {
+        let lit = [0.8, 0.4, 0.2];
+        let dim = Shadow { transmittance: 0.05, away: 30.0 };
+        let (mut experience, mut told) = (Experience::default(), Told::default());
+        assert_eq!((experience.share(Shadow::NONE), experience.share(dim)), (Some(1.0), None));
+        // A dark one, and another that counts twice as much and is not there.
+        let black = Told::default();
+        told.see_light(dim, ([0.0; 3], 1.0), lit);
+        assert_eq!(told, black, "what would be black in the light tells nothing");
+        for _ in 0..20 {
+            told.see_light(dim, (lit, 0.5), lit.map(|c| 0.4 * c));
+            told.see_light(dim, (lit, 1.0), lit);
+            told.see_light(Shadow::NONE, (lit, 1.0), lit.map(|c| 0.9 * c));
+        }
+        let mut both = told;
+        both.add(&told);
+        experience.observe(&both);
+        assert!((experience.share(dim).unwrap() - 0.8).abs() < 1e-5, "{experience:?}");
+        assert!((experience.share(Shadow::NONE).unwrap() - 0.9).abs() < 1e-5);
+        assert_eq!(experience.share(Shadow { away: 3.0, ..dim }), None, "of another class");
     }
 
     #[test]

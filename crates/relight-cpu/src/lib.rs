@@ -37,6 +37,7 @@ pub mod probes;
 pub mod roulette;
 pub mod samples;
 pub mod shade;
+pub mod shadow;
 pub mod soap;
 pub mod stages;
 mod state;

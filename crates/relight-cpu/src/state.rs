@@ -39,8 +39,8 @@ pub fn save(
             }
         }
     }
-    let Experience { shadow, imagined, field, least } = experience;
-    let means = [shadow, imagined, field].into_iter().flat_map(|mean| [mean.sum, mean.count]);
+    let Experience { shares, imagined, field, least } = experience;
+    let means = shares.into_iter().chain([imagined, field]).flat_map(|mean| [mean.sum, mean.count]);
     let means = means.chain([least]).collect();
     state.insert("probes".into(), StateTensor::F32(means));
     state.insert(CELLS.into(), StateTensor::U8(density.cells()));
@@ -99,9 +99,13 @@ pub fn load(
         }
     }
     let (means, &[least]) = f32s("probes")?.as_chunks() else { return Err(missing("probes")) };
-    let &[shadow, imagined, field] = means else { return Err(missing("probes")) };
-    let [shadow, imagined, field] = [shadow, imagined, field].map(|[sum, count]| Fading { sum, count });
-    *experience = Experience { shadow, imagined, field, least };
+    let means: Vec<Fading> = means.iter().map(|&[sum, count]| Fading { sum, count }).collect();
+    let [ref shares @ .., imagined, field] = means[..] else { return Err(missing("probes")) };
+    *experience = Experience { imagined, field, least, ..Experience::default() };
+    // Checkpoints of before shadows had classes tell of one, of dark ones alone, and it is not of use any more.
+    if shares.len() != 1 {
+        experience.shares = shares.try_into().map_err(|_| missing("probes"))?;
+    }
     let fits = match (state.get(CELLS), state.get(CELLS_BEFORE)) {
         (Some(StateTensor::U8(cells)), _) => density.set_cells(cells),
         (None, Some(StateTensor::U8(cells))) => {

@@ -9,13 +9,14 @@ use relight_field::engine::{RayBatch, Rays, StepSettings};
 use relight_field::random::Random;
 use relight_field::sampling::EngineConfig;
 
-use crate::experience::{Experience, Seen};
+use crate::experience::{Experience, Told};
 use crate::march::along;
 use crate::networks::Gradients;
 use crate::probes::Probes;
 use crate::roulette;
 use crate::samples::{Jitter, Marcher, SampleBatch};
 use crate::shade::CodedLight;
+use crate::shadow;
 use crate::stages::{Costs, Stage};
 use crate::tile::{Regularisers, TileRays, Workspace};
 
@@ -74,10 +75,7 @@ pub(super) struct Sums {
     pub depth_penalty: f64,
     pub distortion: f64,
     pub depth_spread: f64,
-    /// See [`Experience::shadow`].
-    pub shadow: Seen,
-    /// See [`Experience::imagined`].
-    pub imagined: Seen,
+    pub told: Told,
 }
 
 impl Sums {
@@ -87,8 +85,7 @@ impl Sums {
         self.depth_penalty += other.depth_penalty;
         self.distortion += other.distortion;
         self.depth_spread += other.depth_spread;
-        self.shadow.add(other.shadow);
-        self.imagined.add(other.imagined);
+        self.told.add(&other.told);
     }
 }
 
@@ -154,9 +151,10 @@ impl Lane {
         let probes = (probes_a_ray > 0).then(|| {
             let own = range.start * probes_a_ray..range.end * probes_a_ray;
             let jitter = Jitter(Some(work.random(SHADOW_STREAM))).after_rays(own.start);
-            let (lights, shadow) = (&work.probe_lights[own], work.experience.shadow.mean());
-            let (shadows, clock) = (&mut self.shadows, &mut workspace.clock);
-            Probes::trace(marcher, &points, lights, shadow, shadows, jitter, clock)
+            let lights = &work.probe_lights[own];
+            let (memory, clock) = (&mut self.shadows, &mut workspace.clock);
+            let shadows = shadow::trace(marcher, &points, lights, memory, jitter, clock);
+            Probes { lights, shadows, experience: &work.experience }
         });
         let light = |r: usize, l: usize| match &probes {
             Some(probes) if l >= lights => &probes.lights[r * probes_a_ray + l - lights],
@@ -187,7 +185,7 @@ impl Lane {
                 seen,
                 probe_scale,
                 &mut colour_gradient,
-                (&mut self.sums.shadow, &mut self.sums.imagined),
+                &mut self.sums.told,
             );
         }
         let columns = rays.columns;

@@ -64,8 +64,7 @@ impl CpuEngine {
         };
         self.check_finite(&sums, settings.step)?;
         if self.probes_a_ray(batch, settings) > 0 {
-            self.experience.shadow.observe(sums.shadow);
-            self.experience.imagined.observe(sums.imagined);
+            self.experience.observe(&sums.told);
             self.experience.observe_field(stats.loss);
         }
         self.learn(settings);

@@ -3,9 +3,9 @@
 use fearless_simd::Level;
 use relight_cpu::density_grid::DensityGrid;
 use relight_cpu::march::along;
-use relight_cpu::probes::Probes;
 use relight_cpu::samples::{Jitter, Marcher, SampleBatch};
 use relight_cpu::shade::CodedLight;
+use relight_cpu::shadow::{self, Shadow};
 use relight_cpu::stages::Clock;
 use relight_cpu::tile::Workspace;
 use relight_field::architecture::V5;
@@ -35,8 +35,13 @@ fn transmittance(
 
 /// Traces the shadow rays to lights from points, as many from each.
 fn from_points(marcher: &Marcher<'_>, points: &[[f32; 3]], lights: &[CodedLight]) -> Vec<f32> {
+    shadows(marcher, points, lights).into_iter().map(|shadow| shadow.transmittance).collect()
+}
+
+/// The same, with all that they meet.
+fn shadows(marcher: &Marcher<'_>, points: &[[f32; 3]], lights: &[CodedLight]) -> Vec<Shadow> {
     let (mut memory, jitter) = (SampleBatch::default(), Jitter(Some(Random::new(1, 0))));
-    Probes::trace(marcher, points, lights, None, &mut memory, jitter, &mut Clock::default()).transmittance
+    shadow::trace(marcher, points, lights, &mut memory, jitter, &mut Clock::default())
 }
 
 /// A light at a place.
@@ -81,6 +86,29 @@ fn fog_between_a_surface_and_a_lamp_dims_it() {
 #[test]
 fn nothing_dims_a_lamp_where_the_density_grid_knows_of_nothing() {
     assert_eq!(through_fog(0.0, [0.1, 0.1, 3.0]).0, 1.0);
+}
+
+/// Even fog stops a ray, in the mean, half way to where it ends.
+#[test]
+fn shadows_know_how_far_away_they_are_cast() {
+    let mut parameters = field(V5);
+    parameters.table.fill(0.0);
+    let mut parts = Parts::new(&parameters);
+    parts.density = DensityGrid::uniform(&BOUNDS, 64, FOG);
+    let light = coded(&[lamp([0.1, 0.1, 3.0])]);
+    let away = |height: f32| {
+        let met = shadows(&parts.marcher(Level::new()), &[[0.1, 0.1, height]], &light)[0];
+        (met.away, met.transmittance)
+    };
+    let cell = parts.density.cell_size();
+    for height in [0.1, 0.4] {
+        let expected = (0.5 * (0.7 - height) / cell) - 0.75;
+        let (away, transmittance) = away(height);
+        // The last of its six samples, at the box's face, shades nothing.
+        assert!((away / expected - 1.0).abs() < 0.2, "{away} {expected}");
+        assert!(transmittance < 1.0);
+    }
+    assert_eq!(shadows(&parts.marcher(Level::new()), &[[0.1, 0.1, 0.9]], &light), [Shadow::NONE]);
 }
 
 /// Fog that no camera has in view: one looks from the side, up to 0.55 m there where the lamp shines down.

@@ -204,8 +204,7 @@ fn probes_that_nobody_trusts_change_nothing() {
         let parameters = field(V5);
         let mut engine = CpuEngine::new(&parameters, config).unwrap();
         let mut state = engine.state().unwrap();
-        let means = vec![40.0, 100.0, 1.0, 100.0, 1.0, 100.0, least];
-        state.insert("probes".into(), StateTensor::F32(means));
+        state.insert("probes".into(), told([1.0, 100.0], [1.0, 100.0], least));
         engine.restore(&parameters, &state).unwrap();
         engine.train_step(&batch, &StepSettings { probe_weight, ..settings(0) }).unwrap();
         engine
@@ -299,8 +298,7 @@ fn photographed_probes_count_as_further_pairs() {
         samples.fill(&marcher, &batch.rays, sampling, 4, jitter);
         // As if imagined colours had proved to miss by twice as much as the field: probes count half.
         let mut trusting = engine.state().unwrap();
-        let means = vec![40.0, 100.0, 1.0, 100.0, 1.0, 100.0, 0.005];
-        trusting.insert("probes".into(), StateTensor::F32(means));
+        trusting.insert("probes".into(), told([1.0, 100.0], [1.0, 100.0], 0.005));
         engine.restore(&before, &trusting).unwrap();
         let stats = engine.train_step(&batch, &settings).unwrap();
         let after = engine.state().unwrap();
