@@ -164,7 +164,6 @@ impl Recipe {
         Self {
             rays_per_step: 256,
             lights_per_ray: 8,
-            light_shift: 0.4,
             probes_per_ray: 4,
             probe_reach: 1.3,
             stereo: true,
