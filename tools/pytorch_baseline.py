@@ -2,10 +2,11 @@
 """Trains V5 with the paper's recipe in plain PyTorch on the CPU and prints rays a second, for comparison.
 
     venv/bin/pip install torch numpy
-    venv/bin/python tools/pytorch_baseline.py [--rays 4096] [--steps 2] [--threads 2]
+    venv/bin/python tools/pytorch_baseline.py [--rays 4096] [--samples 128 128] [--steps 2] [--threads 2]
 
-The data are random: the time of a step does not depend on them. 128 stratified samples find the weights from which 128
-more are drawn; all 256 are evaluated. The default grid of torch-ngp; Adam at 1e-2 on every weight.
+The data are random: the time of a step does not depend on them. A ray is a pixel under one light. 128 stratified
+samples find the weights from which 128 more are drawn; all 256 are evaluated. The default grid of torch-ngp; Adam at
+1e-2 on every weight.
 """
 
 import argparse
@@ -16,8 +17,7 @@ import torch
 from torch import nn
 
 LEVELS, TABLE, BASE, FINEST = 16, 1 << 19, 16, 2048
-COARSE = FINE = 128
-CHUNK = 512  # rays whose activations are held at once
+CHUNK = 131072  # samples whose activations are held at once
 
 
 class HashGrid(nn.Module):
@@ -100,22 +100,23 @@ def weights(sigma, t, far):
     return before * (1 - passed)
 
 
-def render(field, origin, direction, light):
+def render(field, origin, direction, light, coarse, fine):
     """Colours of some rays through the unit cube; `light` is one position a ray."""
     n = len(origin)
     near, far = torch.full((n, 1), 0.2), torch.full((n, 1), 1.2)
     point = lambda t: (origin[:, None] + t[..., None] * direction[:, None]).clamp(0, 1).reshape(-1, 3)
     with torch.no_grad():
-        edges = near + (far - near) * torch.arange(COARSE) / COARSE
-        t = edges + (far - near) / COARSE * torch.rand(n, COARSE)
-        coarse = weights(field.geometry(point(t))[1].view(n, COARSE), t, far) + 1e-5
-        cumulative = torch.cumsum(coarse / coarse.sum(-1, keepdim=True), -1)
-        interval = torch.searchsorted(cumulative, torch.rand(n, FINE)).clamp(max=COARSE - 1)
-        fine = edges.expand(n, -1).gather(1, interval) + (far - near) / COARSE * torch.rand(n, FINE)
-        t = torch.cat([t, fine], -1).sort(-1).values
+        edges = near + (far - near) * torch.arange(coarse) / coarse
+        t = edges + (far - near) / coarse * torch.rand(n, coarse)
+        if fine:
+            seen = weights(field.geometry(point(t))[1].view(n, coarse), t, far) + 1e-5
+            cumulative = torch.cumsum(seen / seen.sum(-1, keepdim=True), -1)
+            interval = torch.searchsorted(cumulative, torch.rand(n, fine)).clamp(max=coarse - 1)
+            more = edges.expand(n, -1).gather(1, interval) + (far - near) / coarse * torch.rand(n, fine)
+            t = torch.cat([t, more], -1).sort(-1).values
     x = point(t)
     h, sigma, e = field.geometry(x)
-    each = lambda v: v[:, None].expand(n, COARSE + FINE, -1).reshape(-1, v.shape[-1])
+    each = lambda v: v[:, None].expand(n, coarse + fine, -1).reshape(-1, v.shape[-1])
     colour = field.radiance(h, e, each(harmonics(direction)), x, each(light))
     return (weights(sigma.view(n, -1), t, far)[..., None] * colour.view(n, -1, 3)).sum(1)
 
@@ -123,23 +124,26 @@ def render(field, origin, direction, light):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rays", type=int, default=4096)
+    parser.add_argument("--samples", type=int, nargs=2, default=(128, 128), metavar=("STRATIFIED", "IMPORTANCE"))
     parser.add_argument("--steps", type=int, default=2)
     parser.add_argument("--threads", type=int, default=2)
     arguments = parser.parse_args()
     torch.set_num_threads(arguments.threads)
     torch.manual_seed(0)
     field = V5()
+    coarse, fine = arguments.samples
+    chunk = max(1, CHUNK // (coarse + fine))
     optimiser = torch.optim.Adam(field.parameters(), lr=1e-2)
     for step in range(arguments.steps):
         begin = time.perf_counter()
         optimiser.zero_grad()
         loss = 0.0
-        for first in range(0, arguments.rays, CHUNK):
-            n = min(CHUNK, arguments.rays - first)
+        for first in range(0, arguments.rays, chunk):
+            n = min(chunk, arguments.rays - first)
             origin = torch.cat([torch.rand(n, 2), torch.full((n, 1), 1.2)], -1)
             direction = nn.functional.normalize(torch.randn(n, 3) * 0.2 - torch.tensor([0.0, 0.0, 1.0]), dim=-1)
             light = torch.rand(n, 3) + torch.tensor([0.0, 0.0, 1.0])
-            error = (render(field, origin, direction, light) - torch.rand(n, 3)) ** 2
+            error = (render(field, origin, direction, light, coarse, fine) - torch.rand(n, 3)) ** 2
             part = error.sum() / (3 * arguments.rays)
             part.backward()
             loss += part.item()
