@@ -4,8 +4,8 @@
     venv/bin/pip install torch numpy
     venv/bin/python tools/pytorch_baseline.py [--rays 4096] [--samples 128 128] [--steps 2] [--threads 2]
 
-The data are random: the time of a step does not depend on them. A ray is a pixel under one light. 128 stratified
-samples find the weights from which 128 more are drawn; all 256 are evaluated. The default grid of torch-ngp; Adam at
+The data are random: the time of a step does not depend on them. A ray is a pixel under one light. By default 128
+stratified samples find the weights from which 128 more are drawn; all 256 are evaluated. The default grid of torch-ngp; Adam at
 1e-2 on every weight.
 """
 
@@ -128,6 +128,8 @@ def main():
     parser.add_argument("--steps", type=int, default=2)
     parser.add_argument("--threads", type=int, default=2)
     arguments = parser.parse_args()
+    if min(arguments.rays, arguments.samples[0]) < 1 or arguments.samples[1] < 0:
+        parser.error("there must be a ray and a stratified sample")
     torch.set_num_threads(arguments.threads)
     torch.manual_seed(0)
     field = V5()

@@ -55,11 +55,46 @@ impl Seen {
     }
 }
 
+/// What shadows of a class leave of a colour: the factor that, by least squares, takes colours in the light to photographs.
+/// It forgets as [`Fading`] does.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Share {
+    /// Sum of products of colours in the light and photographs, each as much as it is sure.
+    pub products: f32,
+    /// Sum of squares of colours in the light, likewise.
+    pub squares: f32,
+    /// Sum of how sure they were.
+    pub count: f32,
+}
+
+impl Share {
+    /// Takes in what another part of a step saw.
+    fn add(&mut self, other: Self) {
+        self.products += other.products;
+        self.squares += other.squares;
+        self.count += other.count;
+    }
+
+    /// Takes in what one step saw.
+    fn observe(&mut self, seen: Self) {
+        *self = Self {
+            products: MEMORY * self.products + seen.products,
+            squares: MEMORY * self.squares + seen.squares,
+            count: MEMORY * self.count + seen.count,
+        };
+    }
+
+    /// The factor, if enough was seen; nothing is brighter for a shadow.
+    fn factor(self) -> Option<f32> {
+        (self.count >= ENOUGH && self.squares > 0.0).then(|| (self.products / self.squares).min(1.0))
+    }
+}
+
 /// What the photographs of a part of a step tell of probes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Told {
     /// See [`Experience::shares`].
-    pub shares: [Seen; Shadow::CLASSES],
+    pub shares: [Share; Shadow::CLASSES],
     /// See [`Experience::imagined`].
     pub imagined: Seen,
 }
@@ -68,11 +103,14 @@ impl Told {
     /// A place that would have colour `lit` in the light, so sure, was photographed, and its shadow ray met `shadow`.
     pub fn see_light(&mut self, shadow: Shadow, (lit, certainty): ([f32; 3], f32), photographed: [f32; 3]) {
         let dot = |a: [f32; 3], b: [f32; 3]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f32>();
-        let square = dot(lit, lit);
-        if square > 0.0 {
-            let share = dot(photographed, lit) / square;
-            self.shares[shadow.class()].see(f64::from(share), f64::from(square * certainty));
-        }
+        let (products, squares) = (certainty * dot(photographed, lit), certainty * dot(lit, lit));
+        self.shares[shadow.class()].add(Share { products, squares, count: certainty });
+    }
+
+    /// Whether all that it tells is a number.
+    pub fn is_finite(&self) -> bool {
+        let shares = self.shares.iter().map(|share| share.products + share.squares + share.count);
+        self.imagined.sum.is_finite() && shares.sum::<f32>().is_finite()
     }
 
     /// All that another part told.
@@ -85,9 +123,8 @@ impl Told {
 /// What photographs told of probes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Experience {
-    /// What is left of a colour in the light where shadow rays met the like, by least squares, for each
-    /// [class](Shadow::class).
-    pub shares: [Fading; Shadow::CLASSES],
+    /// What shadows of each [class](Shadow::class) leave.
+    pub shares: [Share; Shadow::CLASSES],
     /// Mean square by which imagined colours miss photographs.
     pub imagined: Fading,
     /// Mean square by which the field misses photographs.
@@ -110,12 +147,12 @@ impl Experience {
     /// What is left of a colour in the light where a shadow ray met this; `None` if nothing is known of the like.
     pub fn share(&self, shadow: Shadow) -> Option<f32> {
         let class = shadow.class();
-        self.shares[class].mean().or((class == Shadow::NONE.class()).then_some(1.0))
+        self.shares[class].factor().or((class == Shadow::NONE.class()).then_some(1.0))
     }
 
     /// Takes in what a step told.
     pub fn observe(&mut self, told: &Told) {
-        self.shares.iter_mut().zip(told.shares).for_each(|(mean, seen)| mean.observe(seen));
+        self.shares.iter_mut().zip(told.shares).for_each(|(share, seen)| share.observe(seen));
         self.imagined.observe(told.imagined);
     }
 
@@ -151,10 +188,13 @@ mod tests {
         let dim = Shadow { transmittance: 0.05, away: 30.0 };
         let (mut experience, mut told) = (Experience::default(), Told::default());
         assert_eq!((experience.share(Shadow::NONE), experience.share(dim)), (Some(1.0), None));
-        // A dark one, and another that counts twice as much and is not there.
-        let black = Told::default();
-        told.see_light(dim, ([0.0; 3], 1.0), lit);
-        assert_eq!(told, black, "what would be black in the light tells nothing");
+        // What would be black in the light tells nothing.
+        (0..20).for_each(|_| told.see_light(dim, ([0.0; 3], 1.0), lit));
+        experience.observe(&told);
+        assert_eq!(experience.share(dim), None);
+        (experience, told) = (Experience::default(), Told::default());
+        // A dark one, and another that counts twice as much and is not there; all of a scene that is dark itself.
+        let lit = lit.map(|c| 0.01 * c);
         for _ in 0..20 {
             told.see_light(dim, (lit, 0.5), lit.map(|c| 0.4 * c));
             told.see_light(dim, (lit, 1.0), lit);
@@ -166,6 +206,12 @@ mod tests {
         assert!((experience.share(dim).unwrap() - 0.8).abs() < 1e-5, "{experience:?}");
         assert!((experience.share(Shadow::NONE).unwrap() - 0.9).abs() < 1e-5);
         assert_eq!(experience.share(Shadow { away: 3.0, ..dim }), None, "of another class");
+        (0..2000).for_each(|_| told.see_light(dim, (lit, 1.0), lit.map(|c| 3.0 * c)));
+        experience.observe(&told);
+        assert_eq!(experience.share(dim), Some(1.0), "no shadow makes anything brighter");
+        assert!(told.is_finite());
+        told.see_light(dim, (lit, 1.0), [f32::INFINITY; 3]);
+        assert!(!told.is_finite());
     }
 
     #[test]

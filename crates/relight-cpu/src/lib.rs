@@ -2,8 +2,8 @@
 //!
 //! A step goes through the phases of the reference engine under the same names: [`march`] places samples, [`guide`]
 //! where something is ([`walk`] stepping over what is empty, [`placing`] sharing them out), [`hash_grid`] encodes them, [`tile`] runs networks and compositing forward and backward while
-//! they are in cache ([`deferred`] telling where colour is decoded, [`shade`] decoding it with visibility, [`probes`] adding lights that nobody photographed,
-//! as far as [`experience`] bears them out), [`roulette`] thins the gradients, [`hash_grid`] and the networks optimise ([`moments`], by [`adam`] or [`soap`]),
+//! they are in cache ([`deferred`] telling where colour is decoded, [`shade`] decoding it with visibility, [`probes`] adding lights that nobody photographed
+//! and what [`shadow`] rays meet, as far as [`experience`] bears them out), [`roulette`] thins the gradients, [`hash_grid`] and the networks optimise ([`moments`], by [`adam`] or [`soap`]),
 //! [`density_grid`] learns where to march, by [`survey`]s too, but for what is `unseen`. Threads share out lanes of some tiles each, and a lane goes through all of it up to
 //! the optimisers by itself. Every result is the same for any number of threads. Pictures are
 //! drawn front to back (`draw`, `front_to_back`), in ray [`packet`]s. [`stages`] counts what each phase takes, and [`limits`] measures what it

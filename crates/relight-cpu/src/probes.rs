@@ -3,8 +3,8 @@
 //! Photographs teach a field the lights that stood there. Between them it may put thin shadows anywhere, and does. But
 //! where a surface is, is soon known, and so is where the shadow of one thing falls on another: a [shadow ray](crate::shadow)
 //! from the surface to the light tells. What the surface should look like under a probe is imagined from its photographs under
-//! lights nearby that reached it, times what shadow rays that met the like leave of a colour in photographs: less than all
-//! where the geometry is right, and nearly all where it often is not. Probes under lights that were photographed tell how much
+//! lights nearby that reached it, times what is left of such colours in photographs whose shadow rays met the like: little
+//! where those are mostly right, nearly all where they often err. Probes under lights that were photographed tell how much
 //! that is, and how far what is imagined can be trusted: see [`crate::experience`].
 //!
 //! Ours: the paper has nothing like it.
@@ -128,7 +128,7 @@ fn brightness(colour: [f32; 3]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::experience::Seen;
+    use crate::experience::{Seen, Share};
 
     const POINT: [f32; 3] = [0.1, 0.2, 0.0];
     const UNKNOWN: [f32; 3] = [f32::NAN; 3];
@@ -143,7 +143,8 @@ mod tests {
         let mut experience = Experience::default();
         if known {
             for (shadow, share) in [(DARK, 0.3), (Shadow::NONE, 0.9)] {
-                experience.shares[shadow.class()].observe(Seen { sum: 100.0 * share, count: 100.0 });
+                experience.shares[shadow.class()] =
+                    Share { products: 100.0 * share, squares: 100.0, count: 100.0 };
             }
         }
         experience
@@ -210,6 +211,20 @@ mod tests {
         assert!(close(compared(DARK, true, [0.35, 0.25, 0.15]).0, [-0.7, -0.5, -0.3]));
     }
 
+    /// Of two rays with two probes each, the second.
+    #[test]
+    fn every_probe_has_the_shadow_of_its_own_ray() {
+        let lights: Vec<CodedLight> = (0..4).map(|_| LIGHTS[0].clone()).collect();
+        let shadows = vec![Shadow::NONE, Shadow::NONE, DARK, Shadow::NONE];
+        let experience = experience(true);
+        let probes = Probes { lights: &lights, shadows, experience: &experience };
+        let (mut gradients, mut told) = (Vec::new(), Told::default());
+        let black = [[0.0; 3]; 2];
+        probes.compare((1, POINT), &black, &[UNKNOWN; 2], pairs(), 2.0, &mut gradients, &mut told);
+        assert!(close(gradients[0], [-0.42, -0.3, -0.18]), "{gradients:?}");
+        assert!(close(gradients[1], [-1.26, -0.9, -0.54]), "{gradients:?}");
+    }
+
     #[test]
     fn what_is_imagined_from_afar_counts_less() {
         let (mut gradients, mut told, experience) = (Vec::new(), Told::default(), experience(false));
@@ -225,14 +240,14 @@ mod tests {
         assert!((imagined.count - f64::from(certainty)).abs() < 1e-6, "{imagined:?}");
         assert!((imagined.sum - 0.03 * f64::from(certainty)).abs() < 1e-6, "{imagined:?}");
         let light = told.shares[0];
-        assert!((light.count - 1.16 * f64::from(certainty)).abs() < 1e-6, "{light:?}");
+        assert!((light.squares - 1.16 * certainty).abs() < 1e-6 && light.count == certainty, "{light:?}");
     }
 
     #[test]
     fn photographs_tell_of_shadows_and_of_what_was_imagined() {
         let (_, told) = compared(DARK, true, [0.35, 0.25, 0.15]);
         let shadow = told.shares[DARK.class()];
-        assert!((shadow.sum / shadow.count - 0.5).abs() < 1e-4, "{shadow:?}");
+        assert!((shadow.products / shadow.squares - 0.5).abs() < 1e-4, "{shadow:?}");
         assert_eq!(told.shares.iter().filter(|seen| seen.count > 0.0).count(), 1, "and of no others");
         let off = f64::from(0.14f32.powi(2) + 0.1f32.powi(2) + 0.06f32.powi(2)) / 3.0;
         assert!((told.imagined.sum - off).abs() < 1e-5 && told.imagined.count == 1.0, "{told:?}");

@@ -4,14 +4,17 @@
 use relight_field::engine::{EngineError, EngineState, StateTensor};
 
 use crate::density_grid::{DensityGrid, HIDDEN};
-use crate::experience::{Experience, Fading};
+use crate::experience::{Experience, Fading, Share};
 use crate::hash_grid::HashGrid;
 use crate::moments::Moments;
+use crate::shadow::Shadow;
 use crate::soap::ARRAYS;
 
 /// Names of the networks, in the order of their moments.
 const NETWORKS: [&str; 3] = ["geo", "rgb", "vis"];
 
+/// What shadows leave, see [`Shadow::class`]: to be renamed when classes are others.
+const SHADOWS: &str = "probes.shadows";
 /// Cells of the density grid.
 const CELLS: &str = "density.cells";
 /// The same in checkpoints of before some were [`HIDDEN`], whose code stood for a density then.
@@ -40,9 +43,10 @@ pub fn save(
         }
     }
     let Experience { shares, imagined, field, least } = experience;
-    let means = shares.into_iter().chain([imagined, field]).flat_map(|mean| [mean.sum, mean.count]);
-    let means = means.chain([least]).collect();
-    state.insert("probes".into(), StateTensor::F32(means));
+    let means = [imagined, field].into_iter().flat_map(|mean| [mean.sum, mean.count]).chain([least]);
+    state.insert("probes".into(), StateTensor::F32(means.collect()));
+    let shares = shares.iter().flat_map(|share| [share.products, share.squares, share.count]);
+    state.insert(SHADOWS.into(), StateTensor::F32(shares.collect()));
     state.insert(CELLS.into(), StateTensor::U8(density.cells()));
     state
 }
@@ -99,13 +103,17 @@ pub fn load(
         }
     }
     let (means, &[least]) = f32s("probes")?.as_chunks() else { return Err(missing("probes")) };
-    let means: Vec<Fading> = means.iter().map(|&[sum, count]| Fading { sum, count }).collect();
-    let [ref shares @ .., imagined, field] = means[..] else { return Err(missing("probes")) };
-    *experience = Experience { imagined, field, least, ..Experience::default() };
-    // Checkpoints of before shadows had classes tell of one, of dark ones alone, and it is not of use any more.
-    if shares.len() != 1 {
-        experience.shares = shares.try_into().map_err(|_| missing("probes"))?;
-    }
+    let mean = |[sum, count]: [f32; 2]| Fading { sum, count };
+    let (imagined, field, shares) = match *means {
+        [imagined, field] => (imagined, field, f32s(SHADOWS)?.as_slice()),
+        // Before shadows had classes, a mean stood there that told how dark all of them are.
+        [_, imagined, field] => (imagined, field, &[0.0; 3 * Shadow::CLASSES][..]),
+        _ => return Err(missing("probes")),
+    };
+    let (shares, []) = shares.as_chunks() else { return Err(missing(SHADOWS)) };
+    let shares: &[[f32; 3]; Shadow::CLASSES] = shares.try_into().map_err(|_| missing(SHADOWS))?;
+    let shares = shares.map(|[products, squares, count]| Share { products, squares, count });
+    *experience = Experience { shares, imagined: mean(imagined), field: mean(field), least };
     let fits = match (state.get(CELLS), state.get(CELLS_BEFORE)) {
         (Some(StateTensor::U8(cells)), _) => density.set_cells(cells),
         (None, Some(StateTensor::U8(cells))) => {

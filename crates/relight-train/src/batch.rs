@@ -53,7 +53,7 @@ pub struct LightChoice {
     /// Lights that each ray is compared under.
     pub per_ray: usize,
     /// In every step each light is moved by a random distance of up to this much along each axis, as a share of the
-    /// distance between neighbouring lights.
+    /// distance between neighbouring lights; 0: none is.
     pub shift: f64,
     /// Probes of each ray, most of which stand where nobody photographed. There are none where a ray is to be compared
     /// under fewer than four lights, or where no view has more than four.
@@ -255,8 +255,8 @@ impl<'a> BatchSampler<'a> {
         });
     }
 
-    /// The lights of `step`. A field that has only ever seen a light in one place may do anything between that place
-    /// and the next; moved a little, lights teach it to go evenly from one to the other.
+    /// The lights of `step`. Moved a little, they teach a field to go evenly from one to the next, and blur the shadows that
+    /// photographs show.
     fn shift_lights(&self, step: u64, lights: &mut Vec<LightPose>) {
         lights.clone_from(&self.lights);
         let random = Random::new(self.seed, SHIFT_STREAM + step);

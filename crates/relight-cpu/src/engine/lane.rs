@@ -164,7 +164,7 @@ impl Lane {
 
         let n = batch.rays.origins.len();
         let scale = 2.0 / (3 * n * lights) as f32;
-        // Photographed probes are scaled by the trust too: what stands exactly at its light must not be favoured.
+        // Photographed probes count no more than others: they are there to tell what those are worth.
         let probe_weight = settings.probe_weight * work.experience.trust();
         let probe_scale = scale * probe_weight * lights as f32 / probes_a_ray.max(1) as f32;
         let mut colour_gradient = Vec::with_capacity(workspace.colours.len());

@@ -143,6 +143,9 @@ impl CpuEngine {
                 return non_finite(what);
             }
         }
+        if !sums.told.is_finite() {
+            return non_finite("what photographs tell of probes");
+        }
         for (gradient, name) in self.lanes[0].gradients.parts().into_iter().zip(["geo", "rgb", "vis"]) {
             if gradient.iter().any(|g| !g.is_finite()) {
                 return non_finite(&format!("the gradient of the network {name}"));

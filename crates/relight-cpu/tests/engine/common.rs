@@ -12,7 +12,7 @@ use relight_cpu::shadow::Shadow;
 use relight_cpu::tile::Workspace;
 use relight_field::architecture::{Architecture, VARIANTS};
 use relight_field::encoding::fourier;
-use relight_field::engine::{LightPose, RayBatch, Rays, StateTensor};
+use relight_field::engine::{EngineState, LightPose, RayBatch, Rays, StateTensor};
 use relight_field::parameters::{FieldConfig, GridConfig, Parameters};
 use relight_field::random::Random;
 use relight_field::reference::RaySamples;
@@ -88,11 +88,13 @@ pub fn batch(n: usize, lights_per_ray: usize) -> RayBatch {
     }
 }
 
-/// What an engine's checkpoint tells of probes, sums and numbers: shadows of all classes leave four ninths of a colour; how far imagined
-/// colours and the field miss photographs, and how little the field once did.
-pub fn told(imagined: [f32; 2], field: [f32; 2], least: f32) -> StateTensor {
-    let shares = [40.0, 90.0].repeat(Shadow::CLASSES);
-    StateTensor::F32(shares.into_iter().chain(imagined).chain(field).chain([least]).collect())
+/// Puts into a checkpoint what is told of probes, sums and numbers: how far imagined colours and the field miss photographs, and how
+/// little the field once did; and that shadows of each class leave another share of a colour.
+pub fn tell(state: &mut EngineState, [imagined, field]: [[f32; 2]; 2], least: f32) {
+    let means = [imagined, field].into_iter().flatten().chain([least]).collect();
+    state.insert("probes".into(), StateTensor::F32(means));
+    let shares = (0..Shadow::CLASSES).flat_map(|class| [40.0 + class as f32, 90.0, 50.0]).collect();
+    state.insert("probes.shadows".into(), StateTensor::F32(shares));
 }
 
 /// Every instruction set that this machine has, the best last.

@@ -53,7 +53,7 @@ fn engine(config: EngineConfig) -> CpuEngine {
     let mut engine = CpuEngine::new(&field, config).unwrap();
     // It has seen shadows and how far imagined colours miss, and so imagines what probes show and trusts it by half.
     let mut state = engine.state().unwrap();
-    state.insert("probes".into(), told([2.0, 80.0], [1.0, 70.0], 0.0125));
+    tell(&mut state, [[2.0, 80.0], [1.0, 70.0]], 0.0125);
     engine.restore(&field, &state).unwrap();
     engine.expect_surfaces(&[[0.1, 0.1, 0.3], [-0.2, 0.0, 0.5], [9.0, 0.0, 0.0]]);
     engine
@@ -122,27 +122,28 @@ fn imagined_probes_are_learnt_from() {
     }
 }
 
-/// Checkpoints of before shadows had classes say one number of them all, which is forgotten.
+/// Before shadows had classes, one number told of them all, and it is forgotten.
 #[test]
 fn what_older_checkpoints_tell_of_probes_is_kept_but_for_shadows() {
     let field = field(V5);
     let mut engine = CpuEngine::new(&field, CONFIGS[0]).unwrap();
     let mut state = engine.state().unwrap();
-    let mut restored = |probes: &[f32]| {
-        state.insert("probes".into(), StateTensor::F32(probes.to_vec()));
-        engine.restore(&field, &state).map(|()| engine.state().unwrap()["probes"].clone())
-    };
-    let StateTensor::F32(probes) = restored(&[40.0, 90.0, 2.0, 80.0, 1.0, 70.0, 0.0125]).unwrap() else {
-        panic!("of another type")
-    };
-    let (shares, rest) = probes.split_at(probes.len() - 5);
-    assert_eq!(rest, [2.0, 80.0, 1.0, 70.0, 0.0125]);
-    assert!(shares.len() > 2 && shares.iter().all(|&number| number == 0.0));
-    assert!(
-        restored(&[40.0, 90.0, 40.0, 90.0, 2.0, 80.0, 1.0, 70.0, 0.0125]).is_err(),
-        "of no number of classes"
-    );
-    assert!(restored(&[2.0, 80.0, 0.0125]).is_err());
+    let unknown = state["probes.shadows"].clone();
+    tell(&mut state, [[2.0, 80.0], [1.0, 70.0]], 0.0125);
+    let newer = state.clone();
+    state.remove("probes.shadows");
+    state.insert("probes".into(), StateTensor::F32(vec![40.0, 90.0, 2.0, 80.0, 1.0, 70.0, 0.0125]));
+    engine.restore(&field, &newer).unwrap();
+    assert!(engine.state().unwrap() == newer);
+    engine.restore(&field, &state).unwrap();
+    let restored = engine.state().unwrap();
+    assert_eq!(restored["probes"], newer["probes"]);
+    assert_eq!(restored["probes.shadows"], unknown);
+    for (name, numbers) in [("probes", 3), ("probes", 9), ("probes.shadows", 3), ("probes.shadows", 40)] {
+        let mut wrong = newer.clone();
+        wrong.insert(name.into(), StateTensor::F32(vec![1.0; numbers]));
+        assert!(engine.restore(&field, &wrong).is_err(), "{name} of {numbers} numbers");
+    }
 }
 
 #[test]

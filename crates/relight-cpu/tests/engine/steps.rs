@@ -204,7 +204,7 @@ fn probes_that_nobody_trusts_change_nothing() {
         let parameters = field(V5);
         let mut engine = CpuEngine::new(&parameters, config).unwrap();
         let mut state = engine.state().unwrap();
-        state.insert("probes".into(), told([1.0, 100.0], [1.0, 100.0], least));
+        tell(&mut state, [[1.0, 100.0], [1.0, 100.0]], least);
         engine.restore(&parameters, &state).unwrap();
         engine.train_step(&batch, &StepSettings { probe_weight, ..settings(0) }).unwrap();
         engine
@@ -298,11 +298,11 @@ fn photographed_probes_count_as_further_pairs() {
         samples.fill(&marcher, &batch.rays, sampling, 4, jitter);
         // As if imagined colours had proved to miss by twice as much as the field: probes count half.
         let mut trusting = engine.state().unwrap();
-        trusting.insert("probes".into(), told([1.0, 100.0], [1.0, 100.0], 0.005));
+        tell(&mut trusting, [[1.0, 100.0], [1.0, 100.0]], 0.005);
         engine.restore(&before, &trusting).unwrap();
         let stats = engine.train_step(&batch, &settings).unwrap();
         let after = engine.state().unwrap();
-        let &[.., imagined, guesses, field, steps, least] = f32s(&after, "probes") else { panic!() };
+        let &[imagined, guesses, field, steps, least] = f32s(&after, "probes") else { panic!() };
         assert!(imagined > 0.999 && guesses > 99.9, "photographed probes tell what guesses are worth");
         assert!((f64::from(field) - 0.999 - stats.loss).abs() < 1e-5 && (steps - 100.9).abs() < 1e-3);
         assert_eq!(least, 0.005f32.min(field / steps));

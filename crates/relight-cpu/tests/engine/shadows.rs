@@ -88,27 +88,27 @@ fn nothing_dims_a_lamp_where_the_density_grid_knows_of_nothing() {
     assert_eq!(through_fog(0.0, [0.1, 0.1, 3.0]).0, 1.0);
 }
 
-/// Even fog stops a ray, in the mean, half way to where it ends.
+/// Even fog lies on a ray's way, in the mean, half way to where it ends, or to where no camera looks any more.
 #[test]
 fn shadows_know_how_far_away_they_are_cast() {
     let mut parameters = field(V5);
     parameters.table.fill(0.0);
     let mut parts = Parts::new(&parameters);
     parts.density = DensityGrid::uniform(&BOUNDS, 64, FOG);
-    let light = coded(&[lamp([0.1, 0.1, 3.0])]);
-    let away = |height: f32| {
-        let met = shadows(&parts.marcher(Level::new()), &[[0.1, 0.1, height]], &light)[0];
-        (met.away, met.transmittance)
-    };
     let cell = parts.density.cell_size();
+    let light = coded(&[lamp([0.1, 0.1, 3.0])]);
+    let met =
+        |parts: &Parts, height: f32| shadows(&parts.marcher(Level::new()), &[[0.1, 0.1, height]], &light)[0];
+    // The last of its six samples, at the box's face, shades nothing, so the end counts a little less.
     for height in [0.1, 0.4] {
-        let expected = (0.5 * (0.7 - height) / cell) - 0.75;
-        let (away, transmittance) = away(height);
-        // The last of its six samples, at the box's face, shades nothing.
-        assert!((away / expected - 1.0).abs() < 0.2, "{away} {expected}");
-        assert!(transmittance < 1.0);
+        let (met, expected) = (met(&parts, height), 0.5 * (0.7 - height) / cell - 0.75);
+        assert!((0.8..1.0).contains(&(met.away / expected)), "{met:?} {expected}");
     }
-    assert_eq!(shadows(&parts.marcher(Level::new()), &[[0.1, 0.1, 0.9]], &light), [Shadow::NONE]);
+    assert_eq!(met(&parts, 0.9), Shadow::NONE);
+    // In view up to 0.55 m.
+    parts.density.hide_unseen(&parts.cube, &[view([-3.0, 0.1, 0.3], [0.1, 0.1, 0.3], 0.25 / 3.1)]);
+    let (met, expected) = (met(&parts, 0.1), 0.5 * 0.45 / cell - 0.75);
+    assert!((0.8..1.2).contains(&(met.away / expected)), "{met:?} {expected}");
 }
 
 /// Fog that no camera has in view: one looks from the side, up to 0.55 m there where the lamp shines down.
