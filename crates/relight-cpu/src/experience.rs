@@ -15,7 +15,7 @@ const MEMORY: f32 = 0.999;
 pub struct Fading {
     /// Sum, fading.
     pub sum: f32,
-    /// Number, fading.
+    /// Number, or sum of weights, fading.
     pub count: f32,
 }
 

@@ -17,8 +17,8 @@ const TILE_RAYS: usize = 32;
 const CLEARANCE: f32 = 1.5;
 /// Transmittances from which on shadows are of another class.
 const PASSING: [f32; 3] = [0.1, 0.5, 0.9];
-/// Cells of the density grid between the start of a shadow ray and what it meets, from which on that is of another class. Nearer than
-/// the first nine in ten shadows were not there, further than the second every third (docs/trials.md).
+/// Cells of the density grid between the start of a shadow ray and what it meets, from which on that is of another class: what is
+/// nearer than the first leaves nine tenths of a colour, what is further than the second half (docs/trials.md).
 const AWAY: [f32; 2] = [6.0, 24.0];
 /// Transmittance above which a place is as good as lit.
 const LIGHT: f32 = 0.99;
@@ -50,7 +50,8 @@ impl Shadow {
     }
 }
 
-/// Sends shadow rays from `points` to `lights`, as many from each, and returns what each met. `memory` is reused.
+/// Sends shadow rays from `points`, world positions in metres, to `lights`, as many from each and those of one point after
+/// the other, and returns what each met. `memory` is reused, `clock` told what it took.
 pub fn trace(
     marcher: &Marcher<'_>,
     points: &[[f32; 3]],
@@ -119,7 +120,7 @@ pub fn trace(
     shadows
 }
 
-/// Unit direction and distance from one point to another.
+/// Unit direction and distance from one point to another, both in metres.
 pub fn toward(from: [f32; 3], to: [f32; 3]) -> ([f32; 3], f32) {
     let way: [f32; 3] = std::array::from_fn(|a| to[a] - from[a]);
     let length = way.iter().map(|v| v * v).sum::<f32>().sqrt().max(1e-6);

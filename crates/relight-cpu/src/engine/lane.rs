@@ -75,6 +75,7 @@ pub(super) struct Sums {
     pub depth_penalty: f64,
     pub distortion: f64,
     pub depth_spread: f64,
+    /// What photographs told of probes.
     pub told: Told,
 }
 
