@@ -41,7 +41,7 @@ const DENSITY_RESOLUTION: usize = 256;
 /// Guided samples a ray when a picture is drawn and nobody says how many, at least: beyond them, little is gained.
 const DRAWING_SAMPLES: usize = 16;
 /// The same where rays look on (see [`SampleBatch::look_on`](crate::samples::SampleBatch::look_on)): all are for one thing then.
-const LOOK_SAMPLES: usize = 13;
+const LOOK_SAMPLES: usize = 12;
 
 /// The fast CPU engine.
 pub struct CpuEngine {

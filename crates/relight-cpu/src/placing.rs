@@ -22,8 +22,8 @@ pub struct Placing {
 pub const SEARCHING: Placing = Placing { uniform_share: 0.15, opacity_limit: 0.5, end: 0.01, look: None };
 /// Where things are known: with fewer samples in front, 16 come nearer to what hundreds give.
 pub const KNOWING: Placing = Placing { uniform_share: 0.02, opacity_limit: 0.35, end: 0.06, look: None };
-/// Along rays that can look on, where they have got through what they met.
-pub const LOOKING: Placing = Placing { uniform_share: 0.01, opacity_limit: 0.3, end: 0.04, look: Some(0.5) };
+/// Along rays that can look on, where they have got through what they met: what may hide more than the rest is left to the next look.
+pub const LOOKING: Placing = Placing { uniform_share: 0.01, opacity_limit: 0.4, end: 0.15, look: Some(0.5) };
 
 /// Where the samples of a ray are worth placing.
 pub struct Places<'a> {
