@@ -6,7 +6,7 @@ use fearless_simd::Level;
 
 use crate::density_grid::DensityGrid;
 use crate::march::UnitCube;
-use crate::placing::{Found, Places, Placing, Stretches};
+use crate::placing::{Found, Places, Placing, Stretches, opacity};
 use crate::walk::{LANES, Walker, Way, walk};
 
 /// Optical depth, by the density grid, below which a shadow ray counts as clear.
@@ -67,6 +67,9 @@ impl<F: FnMut(usize, Places<'_>)> Walker for Finder<'_, F> {
     #[inline(always)]
     fn meet(&mut self, lane: usize, step: usize, optical: f32) -> bool {
         let (found, limit) = (&mut self.lanes[lane], self.placing.opacity_limit);
+        if optical < self.placing.haze {
+            return true;
+        }
         let behind = found.occupied.last().map_or(step, |&(raised, _)| raised);
         if step > behind + VOID && self.placing.look.is_some_and(|look| found.limited < look) {
             found.steps = behind + 1;
@@ -74,7 +77,7 @@ impl<F: FnMut(usize, Places<'_>)> Walker for Finder<'_, F> {
         }
         let optical = optical * found.stretch;
         found.depth += optical;
-        let alpha = if optical < self.saturated { 1.0 - (-optical).exp() } else { limit };
+        let alpha = if optical < self.saturated { opacity(optical) } else { limit };
         found.raise(step, found.limited * alpha);
         found.limited *= 1.0 - alpha;
         let goes_on = found.limited >= self.placing.end;
@@ -172,7 +175,7 @@ pub(crate) mod tests {
     use super::*;
     use crate::march::draw;
     use crate::march::tests::{BOUNDS, assert_ascends, assert_tiles, direction, origin};
-    use crate::placing::{KNOWING, LOOKING, SEARCHING};
+    use crate::placing::{KNOWING, SEARCHING};
     use crate::walk::tests::{aimed, grid_of, step_by_step};
     use proptest::prelude::*;
     use relight_field::random::Random;
@@ -351,57 +354,5 @@ pub(crate) mod tests {
             assert!(near_slab(&KNOWING, jitter) >= 95);
             assert!((75..95).contains(&near_slab(&SEARCHING, jitter)));
         }
-    }
-
-    /// Looks of a ray along z, which enters the box at 2 m and leaves it at 4, through slabs of cells: where each ends, whether it leaves,
-    /// and its samples.
-    fn looks(slabs: &[(usize, usize)], density: f32) -> Vec<(f32, bool, Vec<f32>)> {
-        let (cube, grid) = (UnitCube::new(&BOUNDS), DensityGrid::uniform(&BOUNDS, 64, 0.0));
-        for z in slabs.iter().flat_map(|&(first, last)| first..=last) {
-            grid.observe(grid.cell_at([32, 32, z]), density);
-        }
-        let origin = cube.unmap([32.5 / 64.0, 32.5 / 64.0, -1.0]);
-        let (mut near, mut looks) = (2.0, Vec::<(f32, bool, Vec<f32>)>::new());
-        while looks.last().is_none_or(|&(_, leaves, _)| !leaves) {
-            let ray = ([origin[0], origin[1], 0.0], [0.0, 0.0, 1.0]);
-            let rays = iter::once((ray, (near, 4.0)));
-            let scratch = &mut GuideScratch::default();
-            guide(&grid, &cube).guided(&LOOKING, rays, scratch, |_, places| {
-                let (mut t, mut apart) = (vec![f32::NAN; 40], vec![f32::NAN; 40]);
-                places.draw(|_| 0.5, &mut t, &mut apart);
-                assert_ascends(&t, (near, places.end));
-                assert!(places.end > near && (t[39] == 4.0) == places.leaves);
-                looks.push((places.end, places.leaves, t));
-            });
-            near = looks[looks.len() - 1].0;
-        }
-        looks
-    }
-
-    /// A cell is 1/32 m long here, and two and a half steps.
-    #[test]
-    fn looks_end_behind_what_may_hide_the_rest() {
-        let depth = |cell: usize| 2.0 + cell as f32 / 32.0;
-        let looks = looks(&[(10, 10), (40, 40)], 500.0);
-        assert_eq!(looks.len(), 2);
-        assert!((depth(11) - 0.01..depth(12)).contains(&looks[0].0) && !looks[0].1, "{}", looks[0].0);
-        for ((_, _, t), first) in looks.iter().zip([10, 40]) {
-            let close = t.iter().filter(|t| (depth(first - 1)..depth(first + 3)).contains(*t)).count();
-            assert!(close > 36, "{close}");
-        }
-        assert_eq!((looks[1].0, looks[1].1), (4.0, true));
-    }
-
-    /// What is deep enough for no sample to lie behind it ends a look as well.
-    #[test]
-    fn looks_end_inside_what_is_deep() {
-        let looks = looks(&[(10, 50)], 5000.0);
-        assert!(looks.len() > 3 && looks[0].0 < 2.0 + 20.0 / 32.0, "{}", looks.len());
-    }
-
-    #[test]
-    fn thin_things_share_one_look() {
-        let looks = looks(&[(10, 11), (40, 41)], 1.0);
-        assert_eq!((looks.len(), looks[0].1), (1, true));
     }
 }

@@ -5,9 +5,15 @@ use crate::march::draw;
 /// Optical depth beyond which nothing passes; libm takes long over exponentials that come out as 0.
 const OPAQUE: f32 = 50.0;
 
+/// Optical depth of a cell below which pictures look for nothing in it. Fields keep a haze that thin where few photographs contradict, as
+/// between wires, and pictures without it are nearer to photographs.
+const HAZE: f32 = 1e-2;
+
 /// How samples are placed.
 #[derive(Debug)]
 pub struct Placing {
+    /// Nothing is looked for in cells of a smaller optical depth.
+    pub haze: f32,
     /// Share of them spread evenly, so that what the density grid does not know of is found.
     pub uniform_share: f32,
     /// Largest opacity a cell may claim: some must fall behind a surface that may be wrong.
@@ -19,11 +25,24 @@ pub struct Placing {
 }
 
 /// Where things have to be found.
-pub const SEARCHING: Placing = Placing { uniform_share: 0.15, opacity_limit: 0.5, end: 0.01, look: None };
+pub const SEARCHING: Placing =
+    Placing { haze: 0.0, uniform_share: 0.15, opacity_limit: 0.5, end: 0.01, look: None };
 /// Where things are known: with fewer samples in front, 16 come nearer to what hundreds give.
-pub const KNOWING: Placing = Placing { uniform_share: 0.02, opacity_limit: 0.35, end: 0.06, look: None };
+pub const KNOWING: Placing =
+    Placing { haze: 0.0, uniform_share: 0.02, opacity_limit: 0.35, end: 0.06, look: None };
+/// Where a ray of a picture looks for the last time.
+pub const ENDING: Placing = Placing { haze: HAZE, ..KNOWING };
 /// Along rays that can look on, where they have got through what they met: what may hide more than the rest is left to the next look.
-pub const LOOKING: Placing = Placing { uniform_share: 0.01, opacity_limit: 0.4, end: 0.15, look: Some(0.5) };
+pub const LOOKING: Placing =
+    Placing { haze: HAZE, uniform_share: 0.01, opacity_limit: 0.4, end: 0.15, look: Some(0.5) };
+
+/// `1 - exp(-optical)` of optical depths below 0.7, to 2e-4, by the first terms of its series: libm would take longer than all else that is done of a
+/// cell.
+#[inline(always)]
+pub fn opacity(optical: f32) -> f32 {
+    let terms = [5.0, 4.0, 3.0, 2.0].map(|n: f32| optical * (1.0 / n));
+    optical * terms.iter().fold(1.0, |rest, term| 1.0 - term * rest)
+}
 
 /// Where the samples of a ray are worth placing.
 pub struct Places<'a> {
@@ -119,5 +138,91 @@ impl Found {
             ends.push(self.steps);
             mass.push((self.steps - start) as f32 * uniform);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::iter;
+
+    use super::*;
+    use crate::density_grid::DensityGrid;
+    use crate::guide::GuideScratch;
+    use crate::guide::tests::{guide, place};
+    use crate::march::UnitCube;
+    use crate::march::tests::{BOUNDS, assert_ascends};
+
+    #[test]
+    fn opacities_of_thin_cells_are_nearly_exact() {
+        for optical in (0..70).map(|i| i as f32 / 100.0) {
+            let exact = 1.0 - (-optical).exp();
+            assert!((opacity(optical) - exact).abs() < 2e-4, "{optical}");
+        }
+    }
+
+    /// Looks of a ray along z, which enters the box at 2 m and leaves it at 4, through slabs of cells: where each ends, whether it leaves,
+    /// and its samples.
+    fn looks(slabs: &[(usize, usize)], density: f32) -> Vec<(f32, bool, Vec<f32>)> {
+        let (cube, grid) = (UnitCube::new(&BOUNDS), DensityGrid::uniform(&BOUNDS, 64, 0.0));
+        for z in slabs.iter().flat_map(|&(first, last)| first..=last) {
+            grid.observe(grid.cell_at([32, 32, z]), density);
+        }
+        let origin = cube.unmap([32.5 / 64.0, 32.5 / 64.0, -1.0]);
+        let (mut near, mut looks) = (2.0, Vec::<(f32, bool, Vec<f32>)>::new());
+        while looks.last().is_none_or(|&(_, leaves, _)| !leaves) {
+            let ray = ([origin[0], origin[1], 0.0], [0.0, 0.0, 1.0]);
+            let rays = iter::once((ray, (near, 4.0)));
+            let scratch = &mut GuideScratch::default();
+            guide(&grid, &cube).guided(&LOOKING, rays, scratch, |_, places| {
+                let (mut t, mut apart) = (vec![f32::NAN; 40], vec![f32::NAN; 40]);
+                places.draw(|_| 0.5, &mut t, &mut apart);
+                assert_ascends(&t, (near, places.end));
+                assert!(places.end > near && (t[39] == 4.0) == places.leaves);
+                looks.push((places.end, places.leaves, t));
+            });
+            near = looks[looks.len() - 1].0;
+        }
+        looks
+    }
+
+    /// A cell is 1/32 m long here, and two and a half steps.
+    #[test]
+    fn looks_end_behind_what_may_hide_the_rest() {
+        let depth = |cell: usize| 2.0 + cell as f32 / 32.0;
+        let looks = looks(&[(10, 10), (40, 40)], 500.0);
+        assert_eq!(looks.len(), 2);
+        assert!((depth(11) - 0.01..depth(12)).contains(&looks[0].0) && !looks[0].1, "{}", looks[0].0);
+        for ((_, _, t), first) in looks.iter().zip([10, 40]) {
+            let close = t.iter().filter(|t| (depth(first - 1)..depth(first + 3)).contains(*t)).count();
+            assert!(close > 36, "{close}");
+        }
+        assert_eq!((looks[1].0, looks[1].1), (4.0, true));
+    }
+
+    #[test]
+    fn pictures_look_for_nothing_in_a_haze() {
+        let (cube, grid) = (UnitCube::new(&BOUNDS), DensityGrid::uniform(&BOUNDS, 64, 0.0));
+        (0..40).for_each(|z| grid.observe(grid.cell_at([32, 32, z]), 0.006 / grid.cell_size()));
+        grid.observe(grid.cell_at([32, 32, 40]), 500.0);
+        let origin = cube.unmap([32.5 / 64.0, 32.5 / 64.0, -1.0]);
+        let in_haze = |placing: &Placing| {
+            let (ray, mut t) = (([origin[0], origin[1], 0.0], [0.0, 0.0, 1.0]), [f32::NAN; 40]);
+            place(guide(&grid, &cube), placing, ray, (2.0, 4.0), None, &mut t);
+            t.iter().filter(|&&t| t < 2.0 + 39.0 / 32.0).count()
+        };
+        assert!(in_haze(&LOOKING) <= 1 && in_haze(&KNOWING) > 5);
+    }
+
+    /// What is deep enough for no sample to lie behind it ends a look as well.
+    #[test]
+    fn looks_end_inside_what_is_deep() {
+        let looks = looks(&[(10, 50)], 5000.0);
+        assert!(looks.len() > 3 && looks[0].0 < 2.0 + 20.0 / 32.0, "{}", looks.len());
+    }
+
+    #[test]
+    fn thin_things_share_one_look() {
+        let looks = looks(&[(10, 11), (40, 41)], 1.0);
+        assert_eq!((looks.len(), looks[0].1), (1, true));
     }
 }

@@ -16,7 +16,7 @@ use crate::hash_grid::{HashGrid, TiledPositions, set_position};
 use crate::march::{self, UnitCube, along};
 use crate::networks::Networks;
 use crate::packet::{first_rays, take_places};
-use crate::placing::{KNOWING, LOOKING, Placing, SEARCHING};
+use crate::placing::{ENDING, KNOWING, LOOKING, Placing, SEARCHING};
 use crate::pool::Pool;
 use crate::tile::{TileRays, Workspace};
 
@@ -168,7 +168,7 @@ impl SampleBatch {
             Sampling::Guided { .. } => {
                 going.iter().for_each(|&ray| self.spans[ray].0 = self.ends[ray]);
                 self.looks += 1;
-                let placing = if self.looks < MOST_LOOKS { &LOOKING } else { &KNOWING };
+                let placing = if self.looks < MOST_LOOKS { &LOOKING } else { &ENDING };
                 self.guide(marcher, rays, going.iter().copied(), placing, Jitter(None));
             }
             Sampling::Stratified { fine, .. } => self.stratify(marcher, rays, fine, Jitter(None)),
