@@ -43,7 +43,7 @@ pub struct DensityGrid {
     optical: [f32; 256],
 }
 
-/// Optical depths of a cell below which rays ignore it.
+/// Optical depths of a cell below which all rays ignore it; those of pictures ignore more.
 const THIN: f32 = 1e-3;
 /// Largest distance between bricks that is told from larger ones.
 const FARTHEST: u8 = 4;

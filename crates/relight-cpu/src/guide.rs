@@ -13,7 +13,7 @@ use crate::walk::{LANES, Walker, Way, walk};
 const SHADING: f32 = 0.05;
 /// Cells that a ray looks at, at most; a ray through a cubic box meets fewer.
 const MOST_BINS: usize = 2048;
-/// Steps of nothing, behind one at which something is, that are a void.
+/// Steps of nothing, or haze, behind one at which something is, that are a void.
 const VOID: usize = 3;
 
 /// A ray: its origin and unit direction, metres.
@@ -66,10 +66,10 @@ impl<F: FnMut(usize, Places<'_>)> Walker for Finder<'_, F> {
 
     #[inline(always)]
     fn meet(&mut self, lane: usize, step: usize, optical: f32) -> bool {
-        let (found, limit) = (&mut self.lanes[lane], self.placing.opacity_limit);
         if optical < self.placing.haze {
             return true;
         }
+        let (found, limit) = (&mut self.lanes[lane], self.placing.opacity_limit);
         let behind = found.occupied.last().map_or(step, |&(raised, _)| raised);
         if step > behind + VOID && self.placing.look.is_some_and(|look| found.limited < look) {
             found.steps = behind + 1;
@@ -151,6 +151,7 @@ impl Guide<'_> {
             far.push(span.1);
         }
         let (saturated, cell_size) = (-(1.0 - placing.opacity_limit).ln(), self.density.cell_size());
+        debug_assert!(saturated < 0.7, "`opacity` is not made for that");
         let mut finder = Finder { placing, saturated, cell_size, ways, far, lanes, stretches, one };
         walk(self.simd, self.density, ways, &mut finder);
     }

@@ -5,8 +5,8 @@ use crate::march::draw;
 /// Optical depth beyond which nothing passes; libm takes long over exponentials that come out as 0.
 const OPAQUE: f32 = 50.0;
 
-/// Optical depth of a cell below which pictures look for nothing in it. Fields keep a haze that thin where few photographs contradict, as
-/// between wires, and pictures without it are nearer to photographs.
+/// Optical depth of a cell below which rays that look on, those of pictures, look for nothing in it. Fields keep a haze that thin where few
+/// photographs contradict, as between wires, and pictures of such things are nearer to photographs without it.
 const HAZE: f32 = 1e-2;
 
 /// How samples are placed.
@@ -30,14 +30,14 @@ pub const SEARCHING: Placing =
 /// Where things are known: with fewer samples in front, 16 come nearer to what hundreds give.
 pub const KNOWING: Placing =
     Placing { haze: 0.0, uniform_share: 0.02, opacity_limit: 0.35, end: 0.06, look: None };
-/// Where a ray of a picture looks for the last time.
-pub const ENDING: Placing = Placing { haze: HAZE, ..KNOWING };
-/// Along rays that can look on, where they have got through what they met: what may hide more than the rest is left to the next look.
+/// Along rays that can look on where they have got through what they met: a look ends early, since what lies behind is left to the next.
 pub const LOOKING: Placing =
     Placing { haze: HAZE, uniform_share: 0.01, opacity_limit: 0.4, end: 0.15, look: Some(0.5) };
+/// The last time that such a ray looks.
+pub const ENDING: Placing = Placing { haze: HAZE, ..KNOWING };
 
-/// `1 - exp(-optical)` of optical depths below 0.7, to 2e-4, by the first terms of its series: libm would take longer than all else that is done of a
-/// cell.
+/// `1 - exp(-optical)` for optical depths below 0.7, to 2e-4, by the first terms of its series: libm would take longer than all else that
+/// is done for a cell.
 #[inline(always)]
 pub fn opacity(optical: f32) -> f32 {
     let terms = [5.0, 4.0, 3.0, 2.0].map(|n: f32| optical * (1.0 / n));
@@ -210,7 +210,8 @@ mod tests {
             place(guide(&grid, &cube), placing, ray, (2.0, 4.0), None, &mut t);
             t.iter().filter(|&&t| t < 2.0 + 39.0 / 32.0).count()
         };
-        assert!(in_haze(&LOOKING) <= 1 && in_haze(&KNOWING) > 5);
+        assert!(in_haze(&LOOKING) <= 1 && in_haze(&ENDING) <= 1);
+        assert!(in_haze(&KNOWING) > 5 && in_haze(&SEARCHING) > 5);
     }
 
     /// What is deep enough for no sample to lie behind it ends a look as well.
@@ -222,7 +223,9 @@ mod tests {
 
     #[test]
     fn thin_things_share_one_look() {
-        let looks = looks(&[(10, 11), (40, 41)], 1.0);
+        let looks = looks(&[(10, 11), (40, 41)], 4.0);
         assert_eq!((looks.len(), looks[0].1), (1, true));
+        let close = looks[0].2.iter().filter(|&&t| t < 2.0 + 13.0 / 32.0).count();
+        assert!((10..30).contains(&close), "{close}");
     }
 }

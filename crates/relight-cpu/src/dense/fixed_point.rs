@@ -293,9 +293,11 @@ mod tests {
             let mut repeated = vec![f32::NAN; outputs * Base::stride(17)];
             repeat_rows(&rows, 17, &mut repeated);
             let base = Some(Base { data: &repeated, period: 17 });
-            for store in [Store::Set, Store::Rectified, Store::WherePositive(&mask)] {
+            let stores = [Store::Set, Store::Rectified, Store::WherePositive(&mask)];
+            for (base, store) in [None, base].into_iter().flat_map(|base| stores.map(|store| (base, store))) {
                 let stored = |(i, product): (usize, &f32)| {
-                    let value = product + rows[i / columns * padded(17) + i % columns % 17];
+                    let added = base.map(|_| rows[i / columns * padded(17) + i % columns % 17]);
+                    let value = added.map_or(*product, |added| product + added);
                     match store {
                         Store::Set => value,
                         Store::Rectified => value.max(0.0),
@@ -354,6 +356,11 @@ mod tests {
             x[5 * 48 + 20] = bad;
             let y = multiply(&a, 16, 0, &x, shape);
             assert!(y.iter().enumerate().all(|(i, y)| y.is_finite() == (i % 48 != 20)), "{bad}");
+            let y = multiply_to(&a, 16, 0, &x, shape, None, Store::Rectified);
+            assert!(
+                has_fixed_point(Level::new()) <= y.iter().skip(20).step_by(48).all(|&y| y == 0.0),
+                "{bad}"
+            );
             let (mut a, x) = (numbers(64 * 16, 1), numbers(64 * 48, 2));
             a[7 * 16 + 3] = bad;
             let y = multiply(&a, 16, 0, &x, shape);
