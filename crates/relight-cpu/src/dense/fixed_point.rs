@@ -358,7 +358,7 @@ mod tests {
             assert!(y.iter().enumerate().all(|(i, y)| y.is_finite() == (i % 48 != 20)), "{bad}");
             let y = multiply_to(&a, 16, 0, &x, shape, None, Store::Rectified);
             assert!(
-                has_fixed_point(Level::new()) <= y.iter().skip(20).step_by(48).all(|&y| y == 0.0),
+                !has_fixed_point(Level::new()) || y.iter().skip(20).step_by(48).all(|&y| y == 0.0),
                 "{bad}"
             );
             let (mut a, x) = (numbers(64 * 16, 1), numbers(64 * 48, 2));
