@@ -206,19 +206,14 @@ mod kernel {
         }
         // Nothing else here, so that the sums stay in registers from first to last.
         let block = &mut y[m * columns + c..];
-        let rectified = base.is_none() && matches!(store, Store::Rectified);
-        let floor = F::splat(simd, 0.0);
         for i in 0..M {
             let scale = F::splat(simd, a.scales[first + i]);
             for j in 0..V {
                 let product = sum[i][j].to_float::<F>() * scale * packed.scales[j];
-                let product = if rectified { product.max(floor) } else { product };
                 product.store_slice(&mut block[i * columns + j * COLUMN_ALIGN..][..COLUMN_ALIGN]);
             }
         }
-        if !rectified {
-            finish::<Avx512, M, V>(simd, y, columns, (m, c), base, store);
-        }
+        finish::<Avx512, M, V>(simd, y, columns, (m, c), base, store);
     }
 
     /// `sum`, and the products of the low halves and of the high ones.

@@ -19,13 +19,18 @@ use crate::common::*;
 /// Density of a field whose features are all zero: that of logit zero.
 const FOG: f32 = 2.0;
 
-/// Traces the shadow rays to lights from where the rays of a batch end, all of it one tile.
-fn transmittance(
-    marcher: &Marcher<'_>,
-    rays: &Rays,
-    samples: &SampleBatch,
-    lights: &[CodedLight],
-) -> Vec<f32> {
+/// Parts of an engine whose field is fog, with a density grid of so many cells an axis that knows of `density`.
+fn fog(cells: usize, density: f32) -> Parts {
+    let mut parameters = field(V5);
+    parameters.table.fill(0.0);
+    let grid = DensityGrid::uniform(&BOUNDS, cells, density);
+    Parts { density: grid, ..Parts::new(&parameters) }
+}
+
+/// Traces the shadow rays to lights from where one or two rays end.
+fn transmittance(marcher: &Marcher<'_>, rays: &Rays, lights: &[CodedLight]) -> Vec<f32> {
+    let (mut samples, jitter) = (SampleBatch::default(), Jitter(Some(Random::new(1, 0))));
+    samples.fill(marcher, rays, Sampling::Guided { samples: 200 }, 2, jitter);
     let mut workspace = Workspace::default();
     workspace.look(marcher.simd, marcher.networks, &samples.tile(marcher, rays, 0));
     let ends = rays.origins.iter().zip(&rays.directions).zip(&workspace.depths);
@@ -51,22 +56,16 @@ fn lamp([x, y, z]: [f32; 3]) -> LightPose {
 
 /// Share of a lamp that passes through fog to where a ray ends, and the height of that place.
 fn through_fog(density: f32, lamp: [f32; 3]) -> (f32, f32) {
-    let mut parameters = field(V5);
-    parameters.table.fill(0.0);
-    let mut parts = Parts::new(&parameters);
-    parts.density = DensityGrid::uniform(&BOUNDS, 16, density);
+    let parts = fog(16, density);
     let marcher = parts.marcher(Level::new());
     // Straight down, into the fog as far as it goes on average.
     let mut rays = Rays::default();
     rays.origins.push([0.1, 0.1, 1.2]);
     rays.directions.push([0.0, 0.0, -1.0]);
-    let jitter = Jitter(Some(Random::new(1, 0)));
-    let mut samples = SampleBatch::default();
-    samples.fill(&marcher, &rays, Sampling::Guided { samples: 200 }, 2, jitter);
     let depth = 0.5 + (1.0 - (-FOG * 0.7f32).exp()) / FOG;
     let point = [0.1, 0.1, 1.2 - depth];
     let light = coded(&[self::lamp(lamp)]);
-    (transmittance(&marcher, &rays, &samples, &light)[0], point[2])
+    (transmittance(&marcher, &rays, &light)[0], point[2])
 }
 
 #[test]
@@ -91,10 +90,7 @@ fn nothing_dims_a_lamp_where_the_density_grid_knows_of_nothing() {
 /// Even fog lies on a ray's way, in the mean, half way to where it ends, or to where no camera looks any more.
 #[test]
 fn shadows_know_how_far_away_they_are_cast() {
-    let mut parameters = field(V5);
-    parameters.table.fill(0.0);
-    let mut parts = Parts::new(&parameters);
-    parts.density = DensityGrid::uniform(&BOUNDS, 64, FOG);
+    let mut parts = fog(64, FOG);
     let cell = parts.density.cell_size();
     let light = coded(&[lamp([0.1, 0.1, 3.0])]);
     let met =
@@ -114,12 +110,9 @@ fn shadows_know_how_far_away_they_are_cast() {
 /// Fog that no camera has in view: one looks from the side, up to 0.55 m there where the lamp shines down.
 #[test]
 fn what_no_photograph_shows_dims_nothing() {
-    let mut parameters = field(V5);
-    parameters.table.fill(0.0);
     let point = [0.1, 0.1, 0.3];
     let fog_above = |views: &[Frustum]| {
-        let mut parts = Parts::new(&parameters);
-        parts.density = DensityGrid::uniform(&BOUNDS, 16, FOG);
+        let mut parts = fog(16, FOG);
         parts.density.hide_unseen(&parts.cube, views);
         let arrived = from_points(&parts.marcher(Level::new()), &[point], &coded(&[lamp([0.1, 0.1, 3.0])]));
         -arrived[0].ln() / FOG
@@ -136,24 +129,18 @@ fn what_no_photograph_shows_dims_nothing() {
 /// Two rays that end at different heights, each with a lamp just below the roof and one far above.
 #[test]
 fn every_probe_of_a_ray_has_a_shadow_ray_of_its_own() {
-    let mut parameters = field(V5);
-    parameters.table.fill(0.0);
-    let mut parts = Parts::new(&parameters);
-    parts.density = DensityGrid::uniform(&BOUNDS, 16, FOG);
+    let parts = fog(16, FOG);
     let marcher = parts.marcher(Level::new());
     let mut rays = Rays::default();
     // Down from the roof, and from one side to the other at a height of 0.5 m.
     rays.origins.extend([[0.1, 0.1, 1.2], [-1.0, 0.1, 0.5]]);
     rays.directions.extend([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]);
-    let jitter = Jitter(Some(Random::new(1, 0)));
-    let mut samples = SampleBatch::default();
-    samples.fill(&marcher, &rays, Sampling::Guided { samples: 200 }, 2, jitter);
     let points =
         [[0.1, 0.1, 0.7 - (1.0 - (-FOG * 0.7f32).exp()) / FOG], [(1.0 - (-FOG).exp()) / FOG - 0.5, 0.1, 0.5]];
     let heights = [0.6, 3.0];
     let lamps = points.iter().flat_map(|p| heights.map(|z| [p[0], p[1], z]));
     let poses: Vec<_> = lamps.map(lamp).collect();
-    let transmittance = transmittance(&marcher, &rays, &samples, &coded(&poses));
+    let transmittance = transmittance(&marcher, &rays, &coded(&poses));
     let gap = 1.5 * 0.7 / 16.0;
     for (probe, pose) in poses.iter().enumerate() {
         let point = points[probe / 2];
